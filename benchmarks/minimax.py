@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.minimax.members import Ensemble, members_of
-from flexslew_control.planners.prediction import open_loop
 from flexslew_control.planners.slew import slew_of
 from flexslew_lab.notebook import trial
 from flexslew_lab.trial.trial import feedback_of, plant_of
@@ -43,7 +42,7 @@ def _cost(name: str, section: dict[str, Any]) -> _Cost:
     at_start, effort = plan.state[0].copy(), plan.effort.copy()
     start = process_time()
     for member in members_of(Ensemble(), slew):
-        open_loop(member.model, at_start, effort, slew.period)
+        member.model.path(at_start, effort, slew.period)
     floor = (process_time() - start) * max(int(plan.summary["iterations"]), 1)
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / _MEBIBYTE
     return _Cost(seconds, floor, float(plan.summary["worst_residual"]), most)

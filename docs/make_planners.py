@@ -17,7 +17,7 @@ import numpy as np
 from flexslew_control.plan import Plan
 from flexslew_control.planners import PLANNERS, make_plan, plan_settings
 from flexslew_control.planners.minimax.limit_curve import limit_curve
-from flexslew_control.planners.prediction import predicted
+from flexslew_control.planners.residual.prediction import predicted
 from flexslew_control.planners.slew import slew_of
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import feedback_of, plant_of

@@ -7,7 +7,7 @@ import pytest
 from tests.representatives import seeds
 
 from flexslew_control.planners import make_plan
-from flexslew_control.planners.whole_bench import by_feedback, simulate_on_bench
+from flexslew_control.planners.residual.whole_bench import by_feedback, simulate_on_bench
 from flexslew_lab.notebook import trial
 from flexslew_lab.trial.trial import feedback_of, plant_of
 

@@ -8,6 +8,7 @@ from numba import types
 
 from flexslew_control.free_platform import rate_outputs
 from flexslew_control.law import PlantDescription
+from flexslew_control.planners.entry import PlanTask
 from flexslew_control.planners.excitation.excitation import Excitation, plan_excitation
 from flexslew_control.planners.slew import Feedback
 from flexslew_lab.identification.identification import Experiment
@@ -118,7 +119,7 @@ def shaken(
     """
     asked = validated(Excitation, plan, "here")
     feedback = Feedback(kp=tuple(gains[0]), kd=tuple(gains[1]))
-    made = plan_excitation(asked, plant_of(believed or testbed, period), feedback)
+    made = plan_excitation(PlanTask(asked, plant_of(believed or testbed, period), feedback))
     model = testbed.model()
     outputs = 2 * model.joints + len(model.appendages.names)
     push = np.vstack((made.effort, np.zeros((200, model.joints))))

@@ -9,7 +9,7 @@ from tests.plants import plant
 
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_lab.report.report import write_plan, write_report
-from flexslew_lab.report.tables import Table, tables_page
+from flexslew_lab.report.sections import Table, page_of_sections
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 
@@ -58,7 +58,7 @@ def test_a_table_of_many_columns_is_printed_whole(browser: Browser, tmp_path: Pa
     names = [f"seen by tip.beam_{k}" for k in range(17)]
     table = Table("Modes", "", names, [["-0.013"] * len(names)] * 3)
     page = tmp_path / "page.html"
-    page.write_text(tables_page("analysis", "wide", "", [table]))
+    page.write_text(page_of_sections("analysis", "wide", "", [table]))
     browser.open(page, 760)
     browser.devtools("Emulation.setEmulatedMedia", {"media": "print"})
     clipped = browser.run(

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.panel_numbers import numbers
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import decode, encode
@@ -35,10 +36,6 @@ def panels_in(page: str) -> dict[str, list[Any]]:
 
 def names_in(panels: list[Any]) -> set[str]:
     return {trace["name"] for panel in panels for trace in panel["data"]}
-
-
-def numbers(encoded: dict[str, str]) -> np.ndarray:
-    return np.frombuffer(b64decode(encoded["bdata"]), dtype=encoded["dtype"])
 
 
 def titles_in(page: str) -> list[str]:

@@ -1,13 +1,18 @@
 from functools import lru_cache
 
 import numpy as np
-import plotly.graph_objects as go
 import pytest
+from tests.panel_numbers import numbers
 
 from flexslew_lab.reproduce.time_optimal import simulate, time_optimal_figures, time_optimal_rows
 
 rows = lru_cache(time_optimal_rows)
 figures = lru_cache(time_optimal_figures)
+
+
+def curves(name: str) -> list[np.ndarray]:
+    """Return the curves of a figure, panel by panel."""
+    return [numbers(trace["y"]) for panel in figures()[name].panels for trace in panel.traces]
 
 
 @pytest.mark.slow
@@ -22,26 +27,24 @@ def test_every_slew_is_checked_by_the_gradient_method_too() -> None:
 
 def test_every_figure_that_is_no_sketch_is_drawn() -> None:
     drawn = figures()
-    numbers = {int(name.removeprefix("figure_").rstrip("ab")) for name in drawn}
-    assert numbers == {2, 3, 4, 5, 8, 9, 10, 11, 12, 13, 14}
-    for figure in drawn.values():
-        assert isinstance(figure, go.Figure)
-        assert all(np.isfinite(np.array(trace.y, dtype=float)).all() for trace in figure.data)
+    papers = {int(name.removeprefix("figure_").rstrip("ab")) for name in drawn}
+    assert papers == {2, 3, 4, 5, 8, 9, 10, 11, 12, 13, 14}
+    assert all(np.isfinite(y).all() for name in drawn for y in curves(name))
 
 
 def test_efforts_of_the_figures_switch_where_they_should() -> None:
     for name, switches in (("figure_4", 3), ("figure_5", 5), ("figure_12", 3), ("figure_13", 5)):
-        effort = np.array(figures()[name].data[0].y)
+        (effort,) = curves(name)
         assert np.count_nonzero(np.diff(np.sign(effort[:-1]))) == switches
 
 
 def test_the_robust_slew_leaves_less_in_figure_14() -> None:
-    hub_plain, tip_plain, hub_robust, tip_robust = (t.y for t in figures()["figure_14"].data)
+    hub_plain, hub_robust, tip_plain, tip_robust = curves("figure_14")
     middle = slice(11, 25)  # 0.92 to 1.18 of the stiffness
     at_nominal = 15
     keep = np.arange(31)[middle] != at_nominal
-    assert np.all(np.array(tip_robust)[middle][keep] < np.array(tip_plain)[middle][keep])
-    assert np.all(np.array(hub_robust)[middle][keep] < np.array(hub_plain)[middle][keep])
+    assert np.all(tip_robust[middle][keep] < tip_plain[middle][keep])
+    assert np.all(hub_robust[middle][keep] < hub_plain[middle][keep])
     assert max(tip_plain[at_nominal], tip_robust[at_nominal]) < 1e-8
 
 

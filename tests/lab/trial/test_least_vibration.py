@@ -10,7 +10,7 @@ from tests.present import present
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
-from flexslew_control.planners.whole_bench import simulate_on_bench
+from flexslew_control.planners.residual.whole_bench import simulate_on_bench
 from flexslew_lab.reproduce.scole_flights import example_values
 from flexslew_lab.trial.trial import law_in_charge, trial_of_values
 

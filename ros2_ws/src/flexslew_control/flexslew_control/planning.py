@@ -162,7 +162,7 @@ def _work(pipe: Connection) -> None:
     """Answer requests until the other process closes the pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent process
     from flexslew_control.planners import make_plan
-    from flexslew_control.planners.from_motion import predicted_from
+    from flexslew_control.planners.residual.from_motion import predicted_from
 
     def progress(update: Any) -> None:
         pipe.send(Iteration(*(getattr(update, name) for name in Iteration._fields)))

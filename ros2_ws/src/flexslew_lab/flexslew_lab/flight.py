@@ -16,6 +16,7 @@ from flexslew_lab.metrics.rows import flat, row_unit
 from flexslew_lab.named import BySignal, Named
 from flexslew_lab.report.handover_lines import handover_lines
 from flexslew_lab.report.verdict import run_summary
+from flexslew_lab.short_values import short
 from flexslew_lab.trial.trial import Trial, trial_of_values
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.events import Event
@@ -78,7 +79,7 @@ class Flight:
         """Return the verdict and the table of the metrics, for notebooks."""
         joints = {n.partition(".")[2]: self.units[n] for n in self.signals if n[:9] == "measured."}
         rows = [
-            (name, format_value(value), row_unit(name, joints, self.user_keys))
+            (name, short(value, 3), row_unit(name, joints, self.user_keys))
             for name, value in flat(self.metrics).items()
             if value is not None
         ]
@@ -204,8 +205,3 @@ def _figure(
     figure.update_xaxes(title_text=title, row=len(panels), col=1)
     figure.update_layout(height=80 + 220 * len(panels), template="plotly_white")
     return figure
-
-
-def format_value(value: Any) -> str:
-    """Return a value of the metrics in three digits."""
-    return f"{value:.3g}" if isinstance(value, float) else str(value)

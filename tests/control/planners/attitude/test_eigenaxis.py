@@ -13,7 +13,7 @@ from flexslew_control.controllers import build_controller
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners import PLANNERS, make_plan, plan_settings
-from flexslew_control.planners.prediction import MIN_MONITOR_TIME
+from flexslew_control.planners.residual.prediction import MIN_MONITOR_TIME
 from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_lab.run.in_process import run_bench
 from flexslew_plant.arrays import Matrix, Vector

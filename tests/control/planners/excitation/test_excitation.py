@@ -7,6 +7,7 @@ import pytest
 from tests.representatives import products
 
 from flexslew_control.law import PlantDescription
+from flexslew_control.planners.entry import PlanTask
 from flexslew_control.planners.excitation.excitation import Excitation, plan_excitation
 from flexslew_control.planners.excitation.signals import lines_of, multisine, orthogonal
 from flexslew_control.planners.slew import Feedback
@@ -21,7 +22,8 @@ def planned(kind: str = "csa", gains: Any = (460.0, 920.0), **keys: Any) -> Any:
     testbed = read_testbed({"kind": kind}, "here")
     plant = PlantDescription(testbed, 0.01, np.array(testbed.effort_limit))
     settings = validated(Excitation, keys, "here")
-    return plan_excitation(settings, plant, Feedback(kp=(gains[0],), kd=(gains[1],))), plant
+    feedback = Feedback(kp=(gains[0],), kd=(gains[1],))
+    return plan_excitation(PlanTask(settings, plant, feedback)), plant
 
 
 @pytest.mark.parametrize(

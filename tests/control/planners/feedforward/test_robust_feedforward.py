@@ -12,7 +12,7 @@ from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.feedforward.basis import Basis
 from flexslew_control.planners.feedforward.limited_gauss_newton import Problem, limited_gauss_newton
 from flexslew_control.planners.feedforward.robust_feedforward import RobustFeedforward, ensemble
-from flexslew_control.planners.prediction import predicted
+from flexslew_control.planners.residual.prediction import predicted
 from flexslew_control.planners.slew import slew_of
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import validated

@@ -18,7 +18,7 @@ from flexslew_control.planners.minimax.members import members_of
 from flexslew_control.planners.minimax.minimax_feedforward import MinimaxFeedforward, question_of
 from flexslew_control.planners.minimax.question import convex_program
 from flexslew_control.planners.minimax.rounds import solved
-from flexslew_control.planners.prediction import predicted
+from flexslew_control.planners.residual.prediction import predicted
 from flexslew_control.planners.slew import slew_of
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import TESTBEDS, read_testbed

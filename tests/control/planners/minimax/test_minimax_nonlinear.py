@@ -17,7 +17,7 @@ from flexslew_control.planners.minimax.members import members_of
 from flexslew_control.planners.minimax.minimax_feedforward import question_of
 from flexslew_control.planners.minimax.nonlinear_path import affine_path, channels, deviation
 from flexslew_control.planners.minimax.search import search_of
-from flexslew_control.planners.prediction import predicted
+from flexslew_control.planners.residual.prediction import predicted
 from flexslew_control.planners.slew import Feedback, slew_of
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds import read_testbed

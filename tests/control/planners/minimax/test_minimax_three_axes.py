@@ -22,8 +22,8 @@ from flexslew_control.planners.minimax.nonlinear_path import affine_path, channe
 from flexslew_control.planners.minimax.question import Question
 from flexslew_control.planners.minimax.search import search_of, smooth
 from flexslew_control.planners.minimax.turning_motion import platform_of
+from flexslew_control.planners.residual.whole_bench import ignored_settings, simulate_on_bench
 from flexslew_control.planners.slew import Feedback, slew_of
-from flexslew_control.planners.whole_bench import ignored_settings, simulate_on_bench
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import read_testbed
 

@@ -8,7 +8,7 @@ from tests.present import present
 
 from flexslew_control.plan import Plan
 from flexslew_control.planners.minimax.minimax_feedforward import MinimaxFeedforward
-from flexslew_control.planners.prediction import predicted
+from flexslew_control.planners.residual.prediction import predicted
 from flexslew_control.planners.slew import slew_of
 from flexslew_lab.trial.overrides import override_values
 from flexslew_lab.trial.sources import read_trial, trial_path

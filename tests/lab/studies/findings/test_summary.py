@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pytest
+from tests.panel_numbers import numbers
 
 from flexslew_lab.cli.study_words import print_summary
 from flexslew_lab.studies.cases import sample_table
@@ -421,7 +422,7 @@ def test_bounds_and_criteria_of_a_study_that_may_stop_hold_at_every_look(
     low, _, high = found["metrics"]["goal_error"]["quantiles"]["0.5"]
     assert (low, high) == quantile_bounds(values, 0.5, 0.95)
     drawn = distribution(study, store, "goal_error", "-", {"": values})
-    curve, _, above = (np.asarray(trace.y) for trace in drawn.data)
+    curve, _, above, _ = (numbers(trace["y"]) for trace in drawn.panels[0].traces)
     assert (above - curve)[:60] == pytest.approx(dkw_half_width(128, 0.95))
 
 

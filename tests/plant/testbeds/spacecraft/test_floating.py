@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.testbeds.floating import CanFloat, Floating
+from flexslew_plant.testbeds.contract import CanFloat, Floating
 
 RIGID: dict[str, Any] = {
     "kind": "spacecraft",

@@ -17,10 +17,6 @@ from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.jacobian import residual_jacobian
-from flexslew_plant.testbeds.spacecraft.equations.kinematics import (
-    kinematics,
-    kinematics_jacobian,
-)
 
 STEP = 1e-6
 
@@ -54,21 +50,6 @@ def test_the_residual_s_derivatives_are_exact(seed: int, motion: int) -> None:
     expected = differences(residual, x)
     size = max(1.0, abs(expected).max())
     np.testing.assert_allclose(np.hstack((dq, dv)), expected, atol=1e-7 * size)
-
-
-def test_the_kinematics_derivatives_are_exact() -> None:
-    craft = random_craft(3, 2)
-    p, x = packed(craft), random_state(craft, 3)
-    nq, nv = craft.sizes
-
-    def rates(state: np.ndarray) -> np.ndarray:
-        rate = np.empty(nq)
-        kinematics(p, 0.0, state, rate)
-        return rate
-
-    dq, dv = np.empty((nq, nq)), np.empty((nq, nv))
-    kinematics_jacobian(p, 0.0, x, dq, dv)
-    np.testing.assert_allclose(np.hstack((dq, dv)), differences(rates, x), atol=1e-8)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

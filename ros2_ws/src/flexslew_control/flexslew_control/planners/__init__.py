@@ -3,13 +3,12 @@
 One of your own needs no line: `method: my_shaper.py:Shaper`, or an entry point of the group
 flexslew.planners. It is a section with `method`, `start` and `plan`, see UserPlanner.
 
-Offers: attitude.one_axis, excitation.excitation, feedforward.basis, feedforward.gauss_newton,
-feedforward.manoeuvre, feedforward.optimized_feedforward, feedforward.shooting, first_point,
-from_motion,
-input_shaping.start_coast_stop, law_gains, minimax.limit_curve, prediction, progress, reference,
-slew, time_optimal.arcs, time_optimal.bang_bang, time_optimal.optimal_switching,
-time_optimal.pontryagin,
-time_optimal.structures, time_optimal.switching, time_optimal.time_optimal, trajectories.
+Offers: attitude.one_axis, checks.first_point, excitation.excitation, feedforward.basis,
+feedforward.gauss_newton, feedforward.manoeuvre, feedforward.optimized_feedforward,
+feedforward.shooting, input_shaping.start_coast_stop, law_gains, minimax.limit_curve, progress,
+reference, residual.from_motion, slew, time_optimal.arcs, time_optimal.bang_bang,
+time_optimal.optimal_switching, time_optimal.pontryagin, time_optimal.structures,
+time_optimal.switching, time_optimal.time_optimal, trajectories.
 """
 
 from dataclasses import fields, replace
@@ -23,11 +22,12 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.attitude_goal import AttitudeGoal, joint_goal
 from flexslew_control.planners.attitude.keep_out import require_clear
 from flexslew_control.planners.attitude.one_axis import split_modes
+from flexslew_control.planners.checks.first_point import with_jump
+from flexslew_control.planners.checks.one_way import require_one_way
 from flexslew_control.planners.entry import PlannerEntry as PlannerEntry
 from flexslew_control.planners.entry import PlanSection as PlanSection
+from flexslew_control.planners.entry import PlanTask as PlanTask
 from flexslew_control.planners.entry import Variant as Variant
-from flexslew_control.planners.first_point import with_jump
-from flexslew_control.planners.one_way import require_one_way
 from flexslew_control.planners.progress import Progress, ignore
 from flexslew_control.planners.slew import Feedback, Slew, software_versions, tick_times
 from flexslew_control.planners.slewing import SlewPlanner
@@ -284,7 +284,7 @@ def make_plan(
     if isinstance(make, SlewPlanner):
         make = replace(make, has_prediction=predict)
     try:
-        plan = make(settings, plant, feedback, progress or ignore, law)
+        plan = make(PlanTask(settings, plant, feedback, progress or ignore, law))
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         words = f"{settings.method}: its numbers are out of range ({error}); take another goal"
         raise PlanFailed(words) from error

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
-from flexslew_control.planners.progress import Progress
+from flexslew_control.planners.progress import Progress, ignore
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.entries import default_of
 
@@ -23,11 +23,17 @@ class PlanSection(Protocol):
         """When the manoeuvre begins [s]."""
 
 
-# section, plant, gains of the active controller (None without), progress report, active law
-# (None if it is not known)
-Make: TypeAlias = Callable[
-    [Any, PlantDescription, Feedback | None, Progress, ActiveLaw | None], Plan
-]
+class PlanTask(NamedTuple):
+    """What a plan is made of; see make_plan."""
+
+    settings: Any  # the `plan` section
+    plant: PlantDescription
+    feedback: Feedback | None = None  # gains of the active controller; None: it has no such gains
+    progress: Progress = ignore  # called with every update of an iteration
+    law: ActiveLaw | None = None  # that is active; None: not known
+
+
+Make: TypeAlias = Callable[[PlanTask], Plan]
 
 
 class Variant(NamedTuple):

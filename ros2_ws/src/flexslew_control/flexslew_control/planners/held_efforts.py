@@ -153,13 +153,7 @@ def _has_nominal_error(plan: Plan, goal: Vector, end: Vector, computed: float) -
 
 def _simulate(slew: Slew, start: Vector, effort: Matrix) -> Matrix:
     """Return the states at the ticks, shape (ticks + 1, 2 n)."""
-    states = np.empty((len(effort) + 1, start.size))
-    states[0] = start
-    for k, command in enumerate(effort):
-        states[k + 1] = slew.model.advance(
-            states[k], command, slew.period, slew.steps, k * slew.period
-        )
-    return states
+    return np.vstack((start, slew.model.path(start, effort, slew.period, slew.steps)))
 
 
 def _slopes(model: Model, states: Matrix, effort: Matrix, period: float) -> Matrix:

@@ -14,12 +14,10 @@ import numpy as np
 from pydantic import Field
 from scipy.interpolate import BPoly
 
-from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.attitude_path import body_rates
-from flexslew_control.planners.entry import PlannerEntry
-from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.slew import Feedback, Slew, slew_of, tick_times
+from flexslew_control.planners.entry import PlannerEntry, PlanTask
+from flexslew_control.planners.slew import Slew, plan_on_ticks, slew_of, tick_times
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.known_joints import ByJoint
@@ -57,31 +55,19 @@ class JointTrajectory:
     start: NonNegative = 0.0  # [s]
 
 
-def plan_joint_trajectory(
-    settings: JointTrajectory,
-    plant: PlantDescription,
-    feedback: Feedback | None = None,
-    progress: Progress | None = None,
-    law: ActiveLaw | None = None,
-) -> Plan:
+def plan_joint_trajectory(task: PlanTask) -> Plan:
     """Return the plan through the points, held at the last one.
 
     Efforts are linear between the points and zero where none are given; the plan has their mean
     over each tick. Joints that read an attitude follow polynomials of its rotation vector; their
     rates are the body rates of that motion.
 
-    Args:
-        settings: the section.
-        plant: what stands on the bench.
-        feedback: unused: nothing is predicted.
-        progress: not called: nothing is iterated.
-        law: unused: nothing is predicted.
-
     Raises:
         BadInput: no such joint, points that are not in order or not whole, a last point that still
             moves, or an effort beyond the limit.
     """
-    slew = slew_of(settings, plant, feedback)
+    settings: JointTrajectory = task.settings
+    slew = slew_of(settings, task.plant, task.feedback)
     if not settings.points:
         raise BadInput("at least one, with `at` and `position`", "plan", "points", [])
     names = _joints(settings.points, slew)
@@ -100,22 +86,13 @@ def plan_joint_trajectory(
     if attitude is not None:
         phi, slope = attitude.rotation_vector_of(position), attitude.rotation_vector_of(velocity)
         velocity += (body_rates(phi, slope) - slope) @ attitude.axes.T
-    return Plan(
-        method=settings.method,
-        joint_names=slew.model.joint_names,
-        start=settings.start,
-        period=slew.period,
-        position=position,
-        velocity=velocity,
-        effort=mean,
-        state=np.zeros((len(ticks), 0)),
-        duration=float(times[-1]),
-        request={**plain(settings), "initial": slew.named(slew.start)},
-        summary={
-            "duration": float(times[-1]),
-            "peak_effort": np.abs(mean).max(axis=0, initial=0.0).tolist(),
-        },
-    )
+    summary = {
+        "duration": float(times[-1]),
+        "peak_effort": np.abs(mean).max(axis=0, initial=0.0).tolist(),
+    }
+    request = {**plain(settings), "initial": slew.named(slew.start)}
+    plan = plan_on_ticks(settings, slew, (position, velocity), mean, summary)
+    return replace(plan, request=request)
 
 
 def _interpolate(

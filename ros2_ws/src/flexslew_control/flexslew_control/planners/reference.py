@@ -11,7 +11,7 @@ from flexslew_control.planners.feedforward.basis import Basis
 from flexslew_control.planners.feedforward.manoeuvre import manoeuvre_of
 from flexslew_control.planners.feedforward.optimized_feedforward import on_ticks
 from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.slew import FeedbackKey, Slew, tick_times
+from flexslew_control.planners.slew import FeedbackKey, Slew, plan_on_ticks, tick_times
 from flexslew_control.planners.slewing import SlewPlanner
 from flexslew_control.planners.trajectories import Profile
 from flexslew_control.shared_keys import DesignModel, Initial, Start
@@ -45,19 +45,10 @@ class ReferenceOnly:
 def plan_none(settings: NoPlan, slew: Slew, progress: Progress) -> Plan:
     """Return the plan with the goal as its reference from its first tick on."""
     ticks = tick_times(settings.start, settings.duration, slew.period)
-    joints = slew.goal.size
-    return Plan(
-        method=settings.method,
-        joint_names=slew.model.joint_names,
-        start=settings.start,
-        period=slew.period,
-        position=np.tile(slew.goal, (len(ticks), 1)),
-        velocity=np.zeros((len(ticks), joints)),
-        effort=np.zeros((len(ticks) - 1, joints)),
-        state=np.zeros((len(ticks), 0)),
-        duration=settings.duration,
-        summary={"duration": settings.duration},
-    )
+    position = np.tile(slew.goal, (len(ticks), 1))
+    zeros = np.zeros_like(position)
+    summary = {"duration": settings.duration}
+    return plan_on_ticks(settings, slew, (position, zeros), zeros[1:], summary)
 
 
 def plan_reference_only(settings: ReferenceOnly, slew: Slew, progress: Progress) -> Plan:

@@ -11,7 +11,6 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from flexslew_control.controllers.lqr import disturbance_gain
-from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.perturbation import (
     Change,
     EndCondition,
@@ -21,9 +20,8 @@ from flexslew_control.perturbation import (
     require_positive_definite,
 )
 from flexslew_control.plan import Plan
-from flexslew_control.planners.entry import PlannerEntry
-from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.slew import Feedback, tick_times
+from flexslew_control.planners.entry import PlannerEntry, PlanTask
+from flexslew_control.planners.slew import tick_times
 from flexslew_control.shared_keys import Start, WholeModel
 from flexslew_control.small_motion import (
     Frozen,
@@ -76,27 +74,16 @@ class _Ticks(NamedTuple):
     middle: list[Frozen]  # of every tick, then of what stays
 
 
-def plan_retargeting(
-    settings: Retargeting,
-    plant: PlantDescription,
-    feedback: Feedback | None,
-    progress: Progress,
-    law: ActiveLaw | None = None,
-) -> Plan:
+def plan_retargeting(task: PlanTask) -> Plan:
     """Return the plan of a retargeting manoeuvre.
-
-    Args:
-        settings: the `plan` section.
-        plant: the bench, with its turns.
-        feedback: unused: the plan has gains of its own, or none.
-        progress: unused: nothing is iterated.
-        law: unused: nothing is predicted.
 
     Raises:
         BadInput: if the section has no duration and no hinge turns after the start, two efforts
             are dependent, or the gains have no solution.
         PlanFailed: if it needs more effort than the drives have.
     """
+    settings: Retargeting = task.settings
+    plant = task.plant
     whole = settings.model is None
     testbed = (
         plant.testbed

@@ -16,7 +16,8 @@ from pydantic import Field
 from flexslew_control.analysis.linear_plant import PlantPath, motors
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.law import PlantDescription, per_joint
-from flexslew_plant.arrays import EMPTY, Vector
+from flexslew_control.plan import Plan
+from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.hardware.actuator import IDEAL, ActuatorSettings
 from flexslew_plant.known_joints import require_joints_of
@@ -232,6 +233,39 @@ def tick_times(start: float, duration: float, period: float) -> Vector:
         raise BadInput(f"not a multiple of {period!r} s", "plan", "start", start)
     return np.asarray(
         period * np.arange(int(np.ceil(duration / period - 1e-9)) + 1, dtype=np.float64)
+    )
+
+
+def plan_on_ticks(
+    settings: Any,
+    slew: Slew,
+    reference: tuple[Matrix, Matrix],
+    effort: Matrix,
+    summary: dict[str, Any],
+    state: Matrix | None = None,
+) -> Plan:
+    """Return the plan of a slew on its ticks.
+
+    Args:
+        settings: the `plan` section; its method and start are read.
+        slew: the requested slew.
+        reference: positions and velocities of the joints, shape (ticks + 1, joints) each.
+        effort: feedforward, its mean over each tick, shape (ticks, joints) [N m or N].
+        summary: of the plan, with its `duration`.
+        state: nominal states, shape (ticks + 1, 2 n); None: the planner has none.
+    """
+    position, velocity = reference
+    return Plan(
+        method=settings.method,
+        joint_names=slew.model.joint_names,
+        start=settings.start,
+        period=slew.period,
+        position=position,
+        velocity=velocity,
+        effort=effort,
+        state=np.zeros((len(position), 0)) if state is None else state,
+        duration=summary["duration"],
+        summary=summary,
     )
 
 

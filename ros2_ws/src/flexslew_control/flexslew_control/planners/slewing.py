@@ -17,14 +17,18 @@ from flexslew_control.planners.attitude.one_axis import (
     more_modes,
     reduced,
 )
+from flexslew_control.planners.checks.one_way import shared_out
+from flexslew_control.planners.checks.remedies import (
+    PlanFunction,
+    require_stable_loop,
+    suggest_duration,
+)
+from flexslew_control.planners.entry import PlanTask
 from flexslew_control.planners.held_efforts import end_error, exact_on_ticks, joints_at_rest
-from flexslew_control.planners.motors import Matrices, matrices
-from flexslew_control.planners.one_way import shared_out
-from flexslew_control.planners.prediction import Prediction, motion_warning, predicted
-from flexslew_control.planners.progress import Progress, ignore
-from flexslew_control.planners.remedies import PlanFunction, require_stable_loop, suggest_duration
-from flexslew_control.planners.slew import ExcessTorque, Feedback, Slew, known_motors, slew_of
-from flexslew_control.planners.whole_bench import (
+from flexslew_control.planners.progress import ignore
+from flexslew_control.planners.residual.motors import Matrices, matrices
+from flexslew_control.planners.residual.prediction import Prediction, motion_warning, predicted
+from flexslew_control.planners.residual.whole_bench import (
     TIP_FLOOR,
     Better,
     as_predicted,
@@ -36,6 +40,7 @@ from flexslew_control.planners.whole_bench import (
     with_law_residual,
     without_simulation,
 )
+from flexslew_control.planners.slew import ExcessTorque, Feedback, Slew, known_motors, slew_of
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import has_initial_rates
@@ -94,24 +99,18 @@ class SlewPlanner:
     has_prediction: bool = True
     effort_share: Callable[[Any], float] | None = None
 
-    def __call__(
-        self,
-        settings: Any,
-        plant: PlantDescription,
-        feedback: Feedback | None,
-        progress: Progress,
-        law: ActiveLaw | None = None,
-    ) -> Plan:
+    def __call__(self, task: PlanTask) -> Plan:
         """Return the plan of a section; see make_plan.
 
         Raises:
             PlanFailed: no such slew; the message carries the numbers.
             BadInput: the testbed is not moved by one effort per joint, or lacks what is named.
         """
+        settings, plant, feedback, progress, law = task
         if self._uses_full_attitude(settings, plant):
-            return self._full_plan(settings, plant, feedback, progress, law)
+            return self._full_plan(task)
         if self.is_single_axis(settings, plant):
-            return self._single_axis_plan(settings, plant, feedback, progress, law)
+            return self._single_axis_plan(task)
         slew = slew_of(settings, plant, feedback, self.late_motors)
         limit = plant.effort_limit
         if limit.size != slew.goal.size:
@@ -233,20 +232,14 @@ class SlewPlanner:
     def _uses_full_attitude(self, settings: Any, plant: PlantDescription) -> bool:
         return self.whole is not None and self.whole(settings) and in_three_axes(plant)
 
-    def _full_plan(
-        self,
-        settings: Any,
-        plant: PlantDescription,
-        feedback: Feedback | None,
-        progress: Progress,
-        law: ActiveLaw | None,
-    ) -> Plan:
+    def _full_plan(self, task: PlanTask) -> Plan:
         """Return the plan of a slew in three axes, with what it leaves on the bench.
 
         Raises:
             BadInput: a drive is a thruster or a gyro: every one is counted both ways, along one
                 direction.
         """
+        settings, plant, feedback, progress, _ = task
         for k in plant.testbed.model().gyros[:1]:
             name = plant.joint_names[k]
             words = f"{name} is a control moment gyro, whose torque turns; take moving"
@@ -266,8 +259,7 @@ class SlewPlanner:
             request=self._complete(settings, slew),
             summary={**plan.summary, "believes": slew.beliefs},
         )
-        gains = getattr(settings, "feedback", None) or feedback
-        active_law = law or (by_feedback(gains) if gains else None)
+        active_law = _active_law(task)
         if self.with_feedback and active_law is not None:
             words = ", ".join(filter(None, (slew.beliefs, ignored_settings(active_law))))
             plan = replace(plan, summary={**plan.summary, "believes": words})
@@ -280,28 +272,20 @@ class SlewPlanner:
             plan, plant, prediction, hint="give the law more room, by a reserve"
         )
 
-    def _single_axis_plan(
-        self,
-        settings: Any,
-        plant: PlantDescription,
-        feedback: Feedback | None,
-        progress: Progress,
-        law: ActiveLaw | None,
-    ) -> Plan:
+    def _single_axis_plan(self, task: PlanTask) -> Plan:
         """Return the plan of a turn about one axis, with what it leaves on the whole bench.
 
         `model: {modes: relevant}` adds modes, those that the turn drives most first, until the
         plan leaves nothing on the whole bench, or no more than with more of them.
         """
-        requested = (getattr(settings, "model", None) or {}).get("modes") == RELEVANT
-        gains = getattr(settings, "feedback", None) or feedback
-        active_law = law or (by_feedback(gains) if gains else None)
-        if requested:
+        settings, plant = task.settings, task.plant
+        active_law = _active_law(task)
+        if (getattr(settings, "model", None) or {}).get("modes") == RELEVANT:
             active_law = active_law or by_feedback(Feedback())
-            found = self._relevant(settings, plant, feedback, active_law, progress, None)
+            found = self._relevant(task, active_law, None)
             assert found is not None
             return with_bench_residual(found[0], plant, found[1].prediction)
-        plan = self._embedded(settings, plant, feedback, progress, law)
+        plan = self._embedded(task)
         if not self.has_prediction:
             return plan
         prediction = self._left(plan, plant, active_law)
@@ -314,17 +298,10 @@ class SlewPlanner:
             return with_bench_residual(plan, plant, prediction)
         if not np.isfinite(prediction.peak):
             return with_bench_residual(plan, plant, prediction, hint=_DIVERGENCE)
-        better = self._relevant(settings, plant, feedback, active_law, progress, prediction)
+        better = self._relevant(task, active_law, prediction)
         return with_bench_residual(plan, plant, prediction, better and better[1])
 
-    def _embedded(
-        self,
-        settings: Any,
-        plant: PlantDescription,
-        feedback: Feedback | None,
-        progress: Progress,
-        law: ActiveLaw | None,
-    ) -> Plan:
+    def _embedded(self, task: PlanTask) -> Plan:
         """Return the plan for all joints of a turn about one axis.
 
         The drives also hold the other axes: against products of inertia, gyroscopic torques and
@@ -335,19 +312,18 @@ class SlewPlanner:
             BadInput: see shared_out.
             ExcessTorque: a drive has not what another axis needs, however slow the turn.
         """
+        settings, plant, feedback, progress, law = task
         share, limit_share, needs = 1.0, self._effort_share(settings), ""
         modified = replace(self, rings=None)  # the flight on the whole bench shows whether it rings
         for _ in range(_MAX_ATTEMPTS):
-            reduced_slew = reduced(settings, plant, feedback, share)
+            turn = reduced(settings, plant, feedback, share)
             try:
-                axis_plan = modified(
-                    reduced_slew.settings, reduced_slew.plant, reduced_slew.feedback, progress
-                )
+                axis_plan = modified(PlanTask(turn.settings, turn.plant, turn.feedback, progress))
             except PlanFailed as error:
                 if not needs:
                     raise
                 raise ExcessTorque(f"{needs}; with less torque about the axis: {error}") from None
-            plan, used = shared_out(reduced_slew.embedded(axis_plan), plant, law)
+            plan, used = shared_out(turn.embedded(axis_plan), plant, law)
             if used <= limit_share * (1.0 + _ROUNDING):
                 return plan
             ratios = abs(plan.effort).max(axis=0) / plant.effort_limit
@@ -359,40 +335,32 @@ class SlewPlanner:
         raise ExcessTorque(f"{needs}; use a longer duration")
 
     def _relevant(
-        self,
-        settings: Any,
-        plant: PlantDescription,
-        feedback: Feedback | None,
-        active_law: ActiveLaw,
-        progress: Progress,
-        than: Prediction | None,
+        self, task: PlanTask, law: ActiveLaw, than: Prediction | None
     ) -> tuple[Plan, Better] | None:
         """Return the plan on the modes that matter; None: none is better than what there is.
 
         Raises:
             PlanFailed: there is no plan on the first of the modes, or the law flies none.
         """
+        settings, plant = task.settings, task.plant
         best: tuple[Plan, Better] | None = None
         least = np.inf if than is None else 0.5 * than.tip_deflection
-        keys = {k: v for k, v in (getattr(settings, "model", None) or {}).items() if k != "modes"}
         requested = getattr(settings, "model", None)
         for count in range(1, MOST_MODES + 1):
             if than is not None and count == (requested or {"modes": 1}).get("modes"):
                 continue  # that is what there is
-            model = {**keys, "modes": count}
+            modified = replace(settings, model={**(requested or {}), "modes": count})
             try:
-                modified = replace(settings, model=model)
-                plan = self._embedded(modified, plant, feedback, progress, active_law)
+                plan = self._embedded(task._replace(settings=modified, law=law))
             except PlanFailed:
                 if best is None and than is None:
                     raise
                 break
-            prediction = self._left(plan, plant, active_law)
+            prediction = self._left(plan, plant, law)
             if prediction is None:
                 if than is None:
                     raise PlanFailed(
-                        f"model: modes: relevant: {active_law.law} cannot fly the plan, so "
-                        "nothing says "
+                        f"model: modes: relevant: {law.law} cannot fly the plan, so nothing says "
                         "which modes matter; give a number of modes"
                     )
                 break
@@ -414,3 +382,9 @@ class SlewPlanner:
         if requested.get("feedback") is None and self.open_loop:
             del resolved["feedback"]
         return requested | {key: value for key, value in resolved.items() if key in requested}
+
+
+def _active_law(task: PlanTask) -> ActiveLaw | None:
+    """Return the law that flies the plan; without one, joint feedback with the gains if any."""
+    gains = getattr(task.settings, "feedback", None) or task.feedback
+    return task.law or (by_feedback(gains) if gains else None)

@@ -9,7 +9,7 @@ from flexslew_lab.analysis.analysis import Analysis, residual_curve, responses
 from flexslew_lab.analysis.proof import Proof
 from flexslew_lab.analysis.proof_tables import proof_tables
 from flexslew_lab.report.panels import Group, Panel, legend, style
-from flexslew_lab.report.tables import Table, tables_page
+from flexslew_lab.report.sections import Section, Table, page_of_sections
 from flexslew_plant.arrays import Vector
 
 _MOST_TICKS = 4000  # of a response
@@ -25,17 +25,17 @@ def analysis_page(analysis: Analysis, name: str, proof: Proof | None = None) -> 
     position_text = ", ".join(
         f"{joint} {at:.4g}" for joint, at in zip(rest.model.joint_names, position, strict=True)
     )
-    groups = [_bode(analysis), _plane("Nyquist", analysis), _plane("Nichols", analysis),
-              _singular(analysis), _steps(analysis)]  # fmt: skip
+    sections: list[Section] = [
+        *tables(analysis),
+        *(proof_tables(proof) if proof is not None else ()),
+    ]
+    sections += [_bode(analysis), _plane("Nyquist", analysis), _plane("Nichols", analysis),
+                 _singular(analysis), _steps(analysis)]  # fmt: skip
     if analysis.plan is not None:
-        groups.append(_residual(analysis))
-    return tables_page(
-        "analysis",
-        title=f"{name}: {analysis.controller}",
-        description=f"{analysis.law} about the rest at {position_text}, at {rest.time:g} s",
-        tables=tables(analysis) + (proof_tables(proof) if proof is not None else []),
-        groups=groups,
-    )
+        sections.append(_residual(analysis))
+    description = f"{analysis.law} about the rest at {position_text}, at {rest.time:g} s"
+    title = f"{name}: {analysis.controller}"
+    return page_of_sections("analysis", title, description, sections)
 
 
 def tables(analysis: Analysis) -> list[Table]:

@@ -1,7 +1,7 @@
 """A proof as tables: for the page and for a terminal."""
 
 from flexslew_lab.analysis.proof import DAMPING, FREQUENCY, MARGIN, Proof
-from flexslew_lab.report.tables import Table
+from flexslew_lab.report.sections import Table
 
 MARGIN_COLUMNS = ("effort", "margin", "predicted", "flown", "at [rad/s]", "flown at [rad/s]",
                   "agrees")  # fmt: skip

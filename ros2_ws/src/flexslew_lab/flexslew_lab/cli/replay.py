@@ -119,7 +119,7 @@ def check(
     """
     from flexslew_lab.log.bag_reader import BagReader
     from flexslew_lab.replay.check import check as compare
-    from flexslew_lab.replay.check import difference_figure
+    from flexslew_lab.replay.check import difference_page
     from flexslew_lab.replay.logged_code import reading
     from flexslew_lab.replay.logged_controllers import logged_laws
 
@@ -132,9 +132,9 @@ def check(
     with display_progress("check", "ticks") as update:
         result = compare(place, name, law, _settings(settings or []), update, trusted)
     if figure is not None:
-        figure.parent.mkdir(parents=True, exist_ok=True)
-        difference_figure(result).write_html(figure)
-        print_message(f"drawn {link(figure)}")
+        from flexslew_lab.report.page import write_page
+
+        print_message(f"drawn {link(write_page(difference_page(result), figure))}")
     first = result.first_divergence
     if as_json:
         values = result._asdict()

@@ -136,8 +136,8 @@ def report(
 
     Example: `./flexslew study report runs/study-before runs/study-after`
     """
-    from flexslew_lab.log.files.whole_file import write_whole
-    from flexslew_lab.studies.findings.page import comparison_page, names_of
+    from flexslew_lab.report.page import write_page
+    from flexslew_lab.studies.findings.page import comparison_page, names_of, study_page
     from flexslew_lab.studies.findings.summary import passed, summary
     from flexslew_lab.studies.run import flight_records
 
@@ -148,13 +148,11 @@ def report(
         store.write_table()
     found = [summary(one, store, flight_records(store)) for one, store in opened]
     if len(opened) == 1:
-        from flexslew_lab.studies.findings.page import study_page
-
         (one, store), page = opened[0], out or opened[0][1].folder / "report.html"
-        write_whole(page, study_page(one, store, found[0]))
+        write_page(study_page(one, store, found[0]), page)
     else:
         page = out or Path("studies.html")
-        write_whole(page, comparison_page(opened, found))
+        write_page(comparison_page(opened, found), page)
     print_message(f"written {page}")
     for _, store in opened:
         _print_invalid_parts(store)

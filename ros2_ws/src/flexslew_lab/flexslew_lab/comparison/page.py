@@ -7,7 +7,7 @@ import numpy as np
 
 from flexslew_lab.comparison.comparison import CandidateFlight, Comparison, Entries
 from flexslew_lab.report.panels import Group, Panel, legend, style
-from flexslew_lab.report.tables import Table, tables_page
+from flexslew_lab.report.sections import Section, Table, page_of_sections
 from flexslew_plant.arrays import Vector
 
 _FAR = 30.0  # a curve beyond that many times the median candidate's is cut off [-]
@@ -35,8 +35,8 @@ def comparison_page(comparison: Comparison) -> str:
         [style(k)["color"] for k in range(len(comparison.simulated_entries))],
     )
     reasons = [(entry.name, entry.refused) for entry in comparison.entries if entry.refused]
-    tables = (numbers, Table("Not flown", "", (), reasons))
-    return tables_page("comparison", comparison.title, comparison.about, tables, comparison.groups)
+    sections: list[Section] = [numbers, Table("Not flown", "", (), reasons), *comparison.groups]
+    return page_of_sections("comparison", comparison.title, comparison.about, sections)
 
 
 def robustness(

@@ -8,10 +8,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.robot_model import Frame
+from flexslew_plant.testbeds.robot_model import Pose, world_poses
 from flexslew_plant.testbeds.scene import Scene
 
-Pose = tuple[Matrix, Vector]  # rotation (3, 3), position (3,) [m]
 AUTOMATIC, SOLID, FLAT = VIEW_MODES = ("automatic", "three dimensions", "flat")
 _ROUND = np.linspace(0.0, 2.0 * np.pi, 25)
 _VIEW_AXES = (("from above", 0, 1), ("from the side", 0, 2))
@@ -73,30 +72,12 @@ class SceneState:
 
 def body(scene: Scene, q: Vector, t: float) -> BodyGeometry:
     """Return where everything is at positions q and a time [s]."""
-    poses: dict[str, Pose] = {}
-    for frame in scene.frames_at(q, t):
-        rotation_matrix, at = poses.setdefault(frame.parent, (np.eye(3), np.zeros(3)))
-        poses[frame.child] = (
-            rotation_matrix @ rotation(frame),
-            at + rotation_matrix @ np.asarray(frame.translation),
-        )
+    poses = world_poses(scene.frames_at(q, t))
     lines = []
     for line, name in zip(scene.lines(q), scene.line_frames, strict=True):
         rotation_matrix, at = poses.get(name, (np.eye(3), np.zeros(3)))
         lines.append(at + np.asarray(line) @ rotation_matrix.T)
     return BodyGeometry(poses, lines)
-
-
-def rotation(frame: Frame) -> Matrix:
-    """Return the rotation matrix of a frame's quaternion."""
-    x, y, z, w = frame.rotation
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 def shapes_of(description: str, frames: list[str]) -> tuple[Shape, ...]:

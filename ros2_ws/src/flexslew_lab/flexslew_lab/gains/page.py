@@ -8,20 +8,16 @@ import numpy as np
 from flexslew_lab.gains.ensemble import MemberOutcome
 from flexslew_lab.gains.search import FoundGains, GainEvaluation
 from flexslew_lab.report.panels import Group, Panel, legend, style
-from flexslew_lab.report.tables import Table, tables_page
+from flexslew_lab.report.sections import Table, page_of_sections
 
 _FRONT = 20  # rows of the table, at most
 
 
 def gains_page(found: FoundGains, name: str) -> str:
     """Return the search as HTML that needs nothing else."""
-    return tables_page(
-        "gains",
-        title=f"{name}: gains of {found.gains.controller}",
-        description=found.verdict,
-        tables=[_comparison_table(found), _front(found)],
-        groups=[_trade_off(found)],
-    )
+    sections = (_comparison_table(found), _front(found), _trade_off(found))
+    title = f"{name}: gains of {found.gains.controller}"
+    return page_of_sections("gains", title, found.verdict, sections)
 
 
 def summary_rows(found: FoundGains) -> list[tuple[str, ...]]:

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_control.planners.prediction import open_loop
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.projection import Projection
 from flexslew_lab.identification.record import Quantity, Record
@@ -47,8 +46,9 @@ class FlightSimulation:
         self.flights += 1
         testbed = self.testbed(values)
         model = testbed.model()
-        path = open_loop(model, initial_state(testbed), self._effort, self.record.period)
-        return self._rows(model, path)
+        start = initial_state(testbed)
+        path = model.path(start, self._effort, self.record.period)
+        return self._rows(model, np.vstack((start, path)))
 
     def solve(self, values: Vector, noise: Vector) -> Mismatch:
         """Return the residual of a flight without bias and free motions."""

@@ -1,5 +1,6 @@
 """The page of an identification: verdict, modes, responses with bands, poles, whiteness."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -8,8 +9,8 @@ from flexslew_lab.identification.frequency_response import FrequencyResponse
 from flexslew_lab.identification.identification import Identification
 from flexslew_lab.identification.modes import Interval
 from flexslew_lab.identification.record import Output
-from flexslew_lab.report.page import render
 from flexslew_lab.report.panels import Group, Panel, legend, style
+from flexslew_lab.report.sections import Section, Table, Text, page_of_sections
 from flexslew_plant.arrays import Vector
 from flexslew_plant.counted import count_text
 
@@ -18,53 +19,54 @@ _MAX_POINTS = 2000  # points of a residual's curve
 
 def identification_page(found: Identification) -> str:
     """Return the identification as HTML that needs nothing else."""
-    model = found.model
-    groups = [stabilisation(found)]
+    title = found.model.record.source
+    return page_of_sections("identification", title, verdict(found), _sections(found))
+
+
+def _sections(found: Identification) -> Iterator[Section]:
+    """Yield the sections of the page."""
+    model, physical = found.model, found.physical
+    joints = model.record.inputs
+    modes = [
+        (
+            number,
+            format_interval(mode.frequency),
+            format_interval(mode.damping_ratio),
+            f"{mode.periods:.0f}",
+            ", ".join(
+                f"{name} {value:+.2f}"
+                for name, value in zip(joints, mode.participation, strict=True)
+            ),
+        )
+        for number, mode in enumerate(model.modes, 1)
+    ]
+    columns = ("mode", "frequency [rad/s]", "damping ratio", "periods", "driven by")
+    yield Table("Modes of the free bench", "± holds the truth with 95 %.", columns, modes)
+    inertia = [
+        (name, *map(format_interval, row)) for name, row in zip(joints, model.inertia, strict=False)
+    ]
+    yield Table("Rigid inertia", "", ("", *joints), inertia)
+    if physical is not None:
+        values = [(p.key, format_interval(p.value)) for p in physical.parameters]
+        warnings = " ".join(physical.warnings)
+        yield Table("Parameters of the bench's own equations", "", (), values, warnings)
+    yield Text("No frequency responses", found.without_response)
     if found.response is not None:
-        groups.insert(0, responses(found.response))
-    groups.append(residuals(found))
-    return render(
-        "identification.html.j2",
-        title=model.record.source,
-        verdict=verdict(found),
-        modes=[
-            [
-                format_interval(mode.frequency),
-                format_interval(mode.damping_ratio),
-                f"{mode.periods:.0f}",
-                ", ".join(
-                    f"{name} {value:+.2f}"
-                    for name, value in zip(model.record.inputs, mode.participation, strict=True)
-                ),
-            ]
-            for mode in model.modes
-        ],
-        joints=model.record.inputs,
-        inertia=[
-            (name, [format_interval(entry) for entry in row])
-            for name, row in zip(model.record.inputs, model.inertia, strict=False)
-        ],
-        parameters=[]
-        if found.physical is None
-        else [(p.key, format_interval(p.value)) for p in found.physical.parameters],
-        warnings=[] if found.physical is None else list(found.physical.warnings),
-        without_response=found.without_response,
-        whiteness=[
-            (w.output, f"{w.statistic:.1f}", f"{w.bound:.1f}", "white" if w.white else "coloured")
-            for w in model.whiteness
-        ],
-        validation=[
-            (
-                v.source,
-                [
-                    (name, f"{100.0 * part:.3f}", f"{over:.2f}")
-                    for name, part, over in zip(v.outputs, v.explained, v.over_noise, strict=True)
-                ],
-            )
-            for v in found.validation
-        ],
-        groups=groups,
-    )
+        yield responses(found.response)
+    yield stabilisation(found)
+    yield residuals(found)
+    whiteness = [
+        (w.output, f"{w.statistic:.1f}", f"{w.bound:.1f}", "white" if w.white else "coloured")
+        for w in model.whiteness
+    ]
+    yield Table("Whiteness", "", ("output", "Ljung-Box sum", "99 % bound", ""), whiteness)
+    for v in found.validation:
+        rows = [
+            (name, f"{100.0 * part:.3f}", f"{over:.2f}")
+            for name, part, over in zip(v.outputs, v.explained, v.over_noise, strict=True)
+        ]
+        head = ("output", "explained [%]", "residual over noise")
+        yield Table("On another run", v.source, head, rows)
 
 
 def summary_rows(found: Identification) -> list[tuple[str, str]]:

@@ -67,11 +67,6 @@ class RegressorSignals:
         return columns if self._low is None else self._low(columns)
 
     @property
-    def has_all_ticks(self) -> bool:
-        """Whether they are of all ticks."""
-        return self._low is None
-
-    @property
     def rows(self) -> int:
         """The number of values of each output before they are turned."""
         return len(self.measured)

@@ -17,6 +17,8 @@ from flexslew_lab.replay.answer_comparison import Row as Row
 from flexslew_lab.replay.coverage import missing_part
 from flexslew_lab.replay.logged_code import changed_code, reading
 from flexslew_lab.replay.logged_controllers import Key, LoggedControllers, logged_laws, trial_of
+from flexslew_lab.report.panels import Group, Panel, legend, style
+from flexslew_lab.report.sections import page_of_sections
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.own_code import NO_CODE, Trust
@@ -146,23 +148,15 @@ class _Ticks:
             self.last = key
 
 
-def difference_figure(result: Check) -> Any:
-    """Return the largest difference of every field over time, a plotly figure."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
-    for name, (time, value) in result.curves.items():
-        if value.any():
-            figure.add_scatter(x=time, y=np.where(value > 0.0, value, np.nan), name=name)
-    if not figure.data:
-        figure.add_annotation(text="no difference", showarrow=False, xref="paper", yref="paper")
-    figure.update_layout(
-        title_text=f"{result.controller} ({result.law}): |recorded - here|",
-        xaxis_title="time [s]",
-        yaxis={"type": "log", "title": "unit of the field", "exponentformat": "power"},
-        template="plotly_white",
-    )
-    return figure
+def difference_page(result: Check) -> str:
+    """Return the largest difference of every field over time, as a page."""
+    panel = Panel("difference, in the unit of the field", log=True, x_title="time [s]", height=420)
+    different = {name: curve for name, curve in result.curves.items() if curve[1].any()}
+    for number, (name, (time, value)) in enumerate(different.items()):
+        panel.line(time, np.where(value > 0.0, value, np.nan), name, style(number))
+    title = f"{result.controller} ({result.law}): |recorded - here|"
+    group = Group(title, "" if different else "No difference.", [panel], legend([*different]))
+    return page_of_sections("check", title, "", [group])
 
 
 def _question(m: Any, period: float) -> Measurement:

@@ -13,7 +13,6 @@ import jinja2
 from markupsafe import Markup, escape
 
 from flexslew_lab.log.files.whole_file import write_whole
-from flexslew_plant.errors import BadInput
 
 # where a long name may go on in the next line, and no number
 _SEPARATOR = re.compile(r"(?<=[_/:])(?=\w)|(?<=[.-])(?=[^\W\d])")
@@ -48,16 +47,13 @@ def _packed_plotly() -> str:
 
 
 def write_page(page: str, out: Path) -> Path:
-    """Return the file to which a page was written.
+    """Return the file to which a page was written, in a folder that is made where it is missing.
 
     Raises:
-        BadInput: it cannot be written.
+        BadInput, OSError: see write_whole.
     """
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(out, page)
-    except OSError as error:
-        raise BadInput(f"{out}: cannot be written: {error.strerror}") from None
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(out, page)
     return out
 
 

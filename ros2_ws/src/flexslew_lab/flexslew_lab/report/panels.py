@@ -1,13 +1,13 @@
 """Panels of a page: one plot each, with its title and legend in HTML, where nothing can collide."""
 
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Matrix, Vector
 
 LINE, GRID, LIGHT = "#1d2733", "#e4e8ee", "#8a97a8"
 COLOURS = ("#0b6bcb", "#e0592a", "#1a9a6c", "#9a4fc4", "#c79100", "#c2375f", "#2aa3b8", "#6b7280")
@@ -39,6 +39,7 @@ class Panel:
     x_log: bool = False  # of the x axis; its range is then in decades
     traces: list[dict[str, Any]] = field(default_factory=list)
     limits: tuple[float, ...] = ()  # horizontal lines
+    single: bool = False  # whether a label names one point instead of all curves at its x
     x_range: tuple[float, float] | None = None
     y_range: tuple[float, float] | None = None
     _largest: float = 0.0  # of all curves
@@ -46,11 +47,12 @@ class Panel:
     def line(self, x: Vector, y: Vector, name: str, style: dict[str, Any], **more: Any) -> None:
         """Add a curve; NaN breaks it."""
         self._largest = max(self._largest, float(np.nanmax(np.abs(y), initial=0.0)))
+        numbers = x.dtype.kind in "fiu"  # else names, in the order in which they come
         self.traces.append(
             {
                 "type": "scatter",
                 "mode": "lines",
-                "x": encoded(x, _kind_of(x)),
+                "x": encoded(x, _kind_of(x)) if numbers else x.tolist(),
                 "y": encoded(y, np.float32),
                 "name": name,
                 "legendgroup": name,
@@ -90,7 +92,7 @@ class Panel:
             "plot_bgcolor": "rgba(0,0,0,0)",
             "font": {"family": "Inter, system-ui, sans-serif", "size": 11, "color": LINE},
             "showlegend": False,
-            "hovermode": "x unified",
+            "hovermode": "closest" if self.single else "x unified",
             "hoverlabel": {"namelength": -1, "font": {"size": 11}},
             "xaxis": x,
             "yaxis": y,
@@ -117,6 +119,7 @@ class Group:
     legend: tuple[Entry, ...] = ()
     marks: tuple[Mark, ...] = ()
     key: str = ""  # name in the page; empty: from the title
+    side_by_side: bool = False  # the panels, each with an x axis of its own
 
     @property
     def id(self) -> str:
@@ -127,9 +130,35 @@ class Group:
         """Return data and layout of every panel as plain data for plotly.js."""
         last = len(self.panels) - 1
         return [
-            {"data": panel.traces, "layout": panel.layout(self.marks, k == last)}
+            {
+                "data": panel.traces,
+                "layout": panel.layout(self.marks, self.side_by_side or k == last),
+            }
             for k, panel in enumerate(self.panels)
         ]
+
+
+def stacked(
+    labels: Sequence[str],
+    paths: Mapping[str, tuple[Vector, Matrix]],
+    title: str = "",
+    words: str = "",
+    x_title: str = "time [s]",
+) -> Group:
+    """Return a panel for each column of paths, over the same axis.
+
+    Args:
+        labels: titles of the panels.
+        paths: by name, x of shape (k,) and the columns, shape (k, panels).
+        title: of the group.
+        words: below the title.
+        x_title: quantity and unit of x.
+    """
+    panels = [Panel(label, x_title=x_title) for label in labels]
+    for number, (name, (x, columns)) in enumerate(paths.items()):
+        for panel, y in zip(panels, columns.T, strict=True):
+            panel.line(x, y, name, style(number))
+    return Group(title, words, panels, legend(list(paths)) if len(paths) > 1 else ())
 
 
 def encoded(values: Vector, kind: type[np.floating[Any]]) -> dict[str, str]:

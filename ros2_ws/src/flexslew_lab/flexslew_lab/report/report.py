@@ -10,16 +10,16 @@ import yaml
 from flexslew_control.plan import Plan
 from flexslew_lab.log.bag_layout import RUN_RECORD, TRIAL_RECORD
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.metrics import KEYS
 from flexslew_lab.metrics.goal import goal_error_message
 from flexslew_lab.metrics.operator_changes import changes_of
 from flexslew_lab.metrics.rows import flat, key_of, row_unit, unit_of
 from flexslew_lab.report import figures
-from flexslew_lab.report.page import embedded, render
+from flexslew_lab.report.page import embedded, render, write_page
 from flexslew_lab.report.panels import COLOURS, LIGHT, Group
 from flexslew_lab.report.run_data import RunData, read_run
 from flexslew_lab.report.scene_data import scene_of
+from flexslew_lab.report.sections import Table, page_of_sections
 from flexslew_lab.report.sky_map import testbed_sky_map
 from flexslew_lab.report.story import Line, story_of
 from flexslew_lab.report.verdict import joints_to_move, run_summary
@@ -92,9 +92,7 @@ def write_report(
     if other is not None:
         runs[0] = runs[0]._replace(label="with feedforward") if len(runs) == 1 else runs[0]
         other = other._replace(label="without feedforward")
-    out.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(out, page_of(runs, other))
-    return out
+    return write_page(page_of(runs, other), out)
 
 
 def write_plan(
@@ -117,11 +115,8 @@ def write_plan(
         f"{name} {position:.4g} {unit}"
         for name, position, unit in zip(plan.joint_names, plan.position[-1], units, strict=True)
     )
-    group = figures.plan_profile(plan, units, limits)
-    page = render("plan.html.j2", title=plan.method, subtitle=f"to {goal}", group=group, rows=rows)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(out, page)
-    return out
+    sections = (figures.plan_profile(plan, units, limits), Table("Numbers", "", (), rows))
+    return write_page(page_of_sections("plan", plan.method, f"to {goal}", sections), out)
 
 
 def page_of(runs: Sequence[RunData], other: RunData | None = None) -> str:

@@ -6,10 +6,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.metrics.rows import flat, unit_of
-from flexslew_lab.report.page import render
+from flexslew_lab.report.page import render, write_page
 from flexslew_lab.report.verdict import joints_to_move, run_summary
+from flexslew_lab.short_values import short
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.given_file import given_text
@@ -73,9 +73,7 @@ def write_index(folder: Path) -> Path:
     columns = [(key, unit_of(key, ())) for key in FIGURES]
     page = render("runs.html.j2", figures=False, runs=rows, unread=invalid_names, columns=columns,
                   choices=_choices(rows), data=_comparison_data(rows))  # fmt: skip
-    folder.mkdir(parents=True, exist_ok=True)
-    write_whole(folder / PAGE, page)
-    return folder / PAGE
+    return write_page(page, folder / PAGE)
 
 
 def _run(folder: Path) -> Run:
@@ -131,8 +129,5 @@ def _comparison_data(rows: Sequence[Run]) -> dict[str, Any]:
 
 def _plain(run: Run) -> dict[str, Any]:
     """Return a run as the page's script takes it, for the comparison."""
-    numbers = {
-        key: f"{value:.3g}" if isinstance(value, float) else "-" if value is None else str(value)
-        for key, value in run.metrics.items()
-    }
+    numbers = {key: short(value, 3) for key, value in run.metrics.items()}
     return {"name": run.folder.name, "path": str(run.folder), "metrics": numbers}

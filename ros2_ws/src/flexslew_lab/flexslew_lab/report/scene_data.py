@@ -8,7 +8,7 @@ import numpy as np
 from flexslew_lab.report.run_data import RunData
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds import Model
-from flexslew_plant.testbeds.robot_model import Frame
+from flexslew_plant.testbeds.robot_model import Frame, world_poses
 from flexslew_plant.testbeds.scene import Scene
 
 _DEFLECTION_GAIN = 3  # how much a bend that can be seen anyway is exaggerated
@@ -104,26 +104,8 @@ def _gain(rest_lines: list[Matrix], shapes: list[Matrix], modes: Matrix) -> int:
 
 def _pose(frames: list[Frame], name: str) -> Vector:
     """Return where a frame is in the world: rotation matrix, then translation, shape (12,)."""
-    by_child = {frame.child: frame for frame in frames}
-    rotation, translation = np.eye(3), np.zeros(3)
-    while name in by_child:
-        frame = by_child[name]
-        rotation_matrix = _matrix(frame.rotation)
-        translation = np.array(frame.translation) + rotation_matrix @ translation
-        rotation, name = rotation_matrix @ rotation, frame.parent
-    return np.concatenate((rotation.ravel(), translation))
-
-
-def _matrix(q: tuple[float, float, float, float]) -> Matrix:
-    """Return the rotation of a unit quaternion (x, y, z, w)."""
-    x, y, z, w = q
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    turn, at = world_poses(frames).get(name, (np.eye(3), np.zeros(3)))
+    return np.concatenate((turn.ravel(), at))
 
 
 def _rounded(values: Any, digits: int) -> Any:

@@ -2,11 +2,14 @@
 
 import re
 from collections.abc import Callable
-from html import escape
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from flexslew_lab.report.page import write_page
+from flexslew_lab.report.panels import Group
+from flexslew_lab.report.sections import page_of_sections
 from flexslew_plant.errors import BadInput
 
 _NUMBER = re.compile(r"^[-+]?\d[\d.e+-]*( %)?$")
@@ -32,12 +35,9 @@ class Reproduction(NamedTuple):
         ]
 
     @property
-    def figures(self) -> Callable[[], dict[str, Any]] | None:
-        """The function that gives plotly figures by name; None where there are none."""
-        if not self.figures_name:
-            return None
-        function: Callable[[], dict[str, Any]] = self._function(self.figures_name)
-        return function
+    def figures(self) -> Callable[[], dict[str, Group]] | None:
+        """The function that gives figures by name; None where there are none."""
+        return self._function(self.figures_name) if self.figures_name else None
 
     def _function(self, name: str) -> Callable[..., Any]:
         function: Callable[..., Any] = getattr(
@@ -89,25 +89,14 @@ def write_figures(name: str, path: Path) -> None:
         path: the HTML file.
 
     Raises:
-        BadInput: it has no figures, or the file cannot be written.
+        BadInput: it has no figures.
     """
     draw = REPRODUCTIONS[name].figures
     if draw is None:
         names = ", ".join(key for key, entry in REPRODUCTIONS.items() if entry.figures_name)
         raise BadInput(f"{name} has no figures; allowed: {names}")
-    parts = [
-        f"<h2>{escape(title.replace('_', ' ').capitalize())}</h2>"
-        + figure.to_html(full_html=False, include_plotlyjs=number == 0)
-        for number, (title, figure) in enumerate(draw().items())
+    groups = [
+        replace(group, title=title.replace("_", " ").capitalize())
+        for title, group in draw().items()
     ]
-    description = escape(REPRODUCTIONS[name].about)
-    page = (
-        '<!doctype html><html lang="en"><head><meta '
-        f'charset="utf-8"><title>{description}</title></head>'
-        f'<body style="font-family:system-ui,sans-serif;max-width:60rem;margin:auto">'
-        f"<h1>{description}</h1>{''.join(parts)}</body></html>"
-    )
-    try:
-        path.write_text(page)
-    except OSError as error:
-        raise BadInput(f"cannot be written: {error}", path) from None
+    write_page(page_of_sections("reproduce", name, REPRODUCTIONS[name].about, groups), path)

@@ -3,11 +3,9 @@
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 from scipy.linalg import eigh
 
-from flexslew_lab.report.panels import COLOURS
+from flexslew_lab.report.panels import Group, stacked
 from flexslew_lab.reproduce.rows import Row, absolute, difference_row, equal, relative
 from flexslew_lab.reproduce.scole_flights import (
     CASES,
@@ -219,20 +217,19 @@ def free_frequencies(name: str) -> Vector:
     return frequencies
 
 
-def scole_figures() -> dict[str, go.Figure]:
+def scole_figures() -> dict[str, Group]:
     """Return Figures 3 to 9 of Sung and Joo, computed again, by name."""
     responses = {case: simulate(case) for case in list(CASES)[:4]}
     a = responses["tracking (a)"]
     t = a.time[: len(a.feedforward)]
+    inputs = {
+        f"M0{k + 1}": (t, a.feedforward[:, a.names.index(name)] / UNIT.torque)
+        for k, name in enumerate(PLATFORM)
+    }
+    roll = ("roll [deg]", "roll rate [deg/s]")
     figures = {
-        "figure_3": _lines(
-            {
-                f"M0{k + 1}": (t, a.feedforward[:, a.names.index(name)] / UNIT.torque)
-                for k, name in enumerate(PLATFORM)
-            },
-            "command input [lb ft]",
-        ),
-        "figure_4": _strategy(a),
+        "figure_3": _lines(inputs, "command input [lb ft]"),
+        "figure_4": stacked(roll, {"": (a.time[::3], np.degrees(a.roll[::3, :2]))}),
     }
     for number, axis in ((5, 0), (6, 1), (7, 2)):
         lines = {
@@ -249,22 +246,5 @@ def scole_figures() -> dict[str, go.Figure]:
     return figures
 
 
-def _lines(lines: dict[str, tuple[Vector, Vector]], title: str) -> go.Figure:
-    figure = go.Figure()
-    for number, (name, (x, y)) in enumerate(lines.items()):
-        line = {"color": COLOURS[number % len(COLOURS)]}
-        figure.add_trace(go.Scatter(x=x[::3], y=y[::3], name=name, mode="lines", line=line))
-    figure.update_layout(xaxis_title="time [s]", yaxis_title=title)
-    return figure
-
-
-def _strategy(flight: ScoleFlight) -> go.Figure:
-    figure = make_subplots(rows=2, cols=1, shared_xaxes=True)
-    for row, (column, name) in enumerate(((0, "roll [deg]"), (1, "roll rate [deg/s]")), start=1):
-        y = np.degrees(flight.roll[::3, column])
-        line = {"color": COLOURS[0]}
-        trace = go.Scatter(x=flight.time[::3], y=y, name=name, mode="lines", line=line)
-        figure.add_trace(trace, row=row, col=1)
-        figure.update_yaxes(title=name, row=row, col=1)
-    figure.update_xaxes(title="time [s]", row=2, col=1)
-    return figure
+def _lines(lines: dict[str, tuple[Vector, Vector]], title: str) -> Group:
+    return stacked((title,), {name: (x[::3], y[::3, None]) for name, (x, y) in lines.items()})

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.planners.time_optimal.arcs import costate_backwards, final_states, rates
+from flexslew_control.planners.time_optimal.arcs import costate_backwards, final_sensitivity
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
@@ -75,7 +75,7 @@ def switch_time_optimisation(
 def gradients(slew: BangBang, durations: Vector) -> Matrix:
     """Return dr/dp of the end conditions by switch times and final time, shape (rows, N + 1)."""
     efforts = slew.efforts(durations.size)
-    final = final_states(slew.ensemble, slew.start, efforts, durations, slew.step).ravel()
+    final, slopes = final_sensitivity(slew.ensemble, slew.start, efforts, durations, slew.step)
     ends = np.cumsum(durations)
     effort_steps = -np.diff(efforts[:, slew.joint])
     rows = []
@@ -85,8 +85,8 @@ def gradients(slew: BangBang, durations: Vector) -> Matrix:
         )
         at = [int(np.argmin(np.abs(times - switch))) for switch in ends[:-1]]
         rows.append(values[at, slew.joint] * effort_steps)
-    last = rates(slew.ensemble, final, efforts[-1])
-    return np.column_stack((rows, slew.conditions @ last))
+    # the derivative by the last duration is f at the end
+    return np.column_stack((rows, slew.conditions @ slopes[:, -1]))
 
 
 def _by_relative_change(slew: BangBang, durations: Vector) -> Matrix:

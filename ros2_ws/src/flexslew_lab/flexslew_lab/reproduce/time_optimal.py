@@ -5,8 +5,6 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from flexslew_control.planners.time_optimal.bang_bang import STENCIL, BangBang
 from flexslew_control.planners.time_optimal.optimal_switching import extremal_durations
@@ -14,7 +12,7 @@ from flexslew_control.planners.time_optimal.pontryagin import switching_function
 from flexslew_control.planners.time_optimal.structures import found_durations
 from flexslew_control.planners.time_optimal.switching import continued_durations, linear_durations
 from flexslew_control.planners.time_optimal.time_optimal import on_ticks
-from flexslew_lab.report.panels import COLOURS
+from flexslew_lab.report.panels import COLOURS, Group, Mark, stacked
 from flexslew_lab.reproduce.rows import absolute
 from flexslew_lab.reproduce.switch_time_gradient import (
     switch_time_optimisation,
@@ -127,9 +125,9 @@ def time_optimal_rows() -> list[dict[str, Any]]:
     return rows
 
 
-def time_optimal_figures() -> dict[str, go.Figure]:
+def time_optimal_figures() -> dict[str, Group]:
     """Return Figures 2-5 and 8-14 of Liu and Singh 1997 by name; 1, 6, 7 are sketches."""
-    figures: dict[str, go.Figure] = {}
+    figures: dict[str, Group] = {}
     for number, kind in ((2, "time-optimal"), (3, "robust")):
         for letter, factor in (("a", 1.0), ("b", 0.9)):
             figures[f"figure_{number}{letter}"] = _states_figure(f"oscillator, {kind}", factor)
@@ -172,7 +170,7 @@ def _solved(name: str) -> tuple[BangBang, Vector]:
     return slew, durations
 
 
-def _states_figure(name: str, factor: float) -> go.Figure:
+def _states_figure(name: str, factor: float) -> Group:
     """Return positions and rates over time, until well after the end."""
     end = float(_solved(name)[1].sum())
     ticks = np.linspace(0.0, 2.0 * end, 801)
@@ -184,49 +182,37 @@ def _states_figure(name: str, factor: float) -> go.Figure:
         lines = {"hub [rad]": x[:, 0], "tip [m]": x[:, 1]}
         rates = {"hub' [rad/s]": x[:, 2], "tip' [m/s]": x[:, 3]}
     title = f"{name}, stiffness {100.0 * (factor - 1.0):+g} %"
-    return _stacked(title, ticks, {**lines, **rates}, end)
+    return _over_time(title, ticks, {**lines, **rates}, end)
 
 
-def _sensitivity_figure(name: str) -> go.Figure:
+def _sensitivity_figure(name: str) -> Group:
     """Return the derivatives of the states by the relative stiffness over time."""
     end = float(_solved(name)[1].sum())
     ticks = np.linspace(0.0, end, 601)
     by_factor = sum((w * simulate(name, f, ticks) for f, w in STENCIL), np.zeros(1))
     labels = ("hub [rad]", "tip [m]", "hub' [rad/s]", "tip' [m/s]")
     lines = {f"d {label}": column for label, column in zip(labels, by_factor.T, strict=True)}
-    return _stacked(f"{name}, sensitivities to the stiffness", ticks, lines, end)
+    return _over_time(f"{name}, sensitivities to the stiffness", ticks, lines, end)
 
 
-def _control_figure(name: str, label: str) -> go.Figure:
+def _control_figure(name: str, label: str) -> Group:
     """Return the bang-bang effort over time."""
     slew, durations = _solved(name)
     efforts = slew.efforts(durations.size)[:, slew.joint]
     time = np.concatenate(([0.0], np.repeat(np.cumsum(durations), 2)))
     effort = np.append(np.repeat(efforts, 2), 0.0)
-    figure = go.Figure(go.Scatter(x=time, y=effort, mode="lines", line={"color": COLOURS[0]}))
-    figure.update_layout(title=f"{name}, effort", xaxis_title="time [s]", yaxis_title=label)
-    return figure
+    return stacked((label,), {"": (time, effort[:, None])}, words=f"{name}, effort")
 
 
-def _residual_figure() -> go.Figure:
+def _residual_figure() -> Group:
     """Return the amplitudes of hub and tip after the end against the stiffness, both slews."""
     factors = np.linspace(0.7, 1.3, 31)
-    figure = make_subplots(rows=2, cols=1, shared_xaxes=True)
-    for name, colour in (("hub, time-optimal", COLOURS[1]), ("hub, robust", COLOURS[0])):
-        left = np.array([_left_over(name, float(factor)) for factor in factors])
-        for row, values in enumerate(left.T, start=1):
-            figure.add_trace(
-                go.Scatter(
-                    x=factors, y=values, name=name, line={"color": colour}, showlegend=row == 1
-                ),
-                row=row,
-                col=1,
-            )
-    figure.update_yaxes(title_text="hub [rad]", row=1, col=1)
-    figure.update_yaxes(title_text="tip [m]", row=2, col=1)
-    figure.update_xaxes(title_text="stiffness / nominal stiffness", row=2, col=1)
-    figure.update_layout(title="largest amplitude after the end", height=600)
-    return figure
+    left = {
+        name: (factors, np.array([_left_over(name, float(factor)) for factor in factors]))
+        for name in ("hub, time-optimal", "hub, robust")
+    }
+    title, x_title = "largest amplitude after the end", "stiffness / nominal stiffness"
+    return stacked(("hub [rad]", "tip [m]"), left, words=title, x_title=x_title)
 
 
 def _left_over(name: str, factor: float) -> tuple[float, float]:
@@ -239,19 +225,11 @@ def _left_over(name: str, factor: float) -> tuple[float, float]:
     return float(0.5 * np.ptp(x[:, 0])), float(0.5 * np.ptp(x[:, 1]))
 
 
-def _stacked(title: str, time: Vector, lines: dict[str, Vector], end: float) -> go.Figure:
-    """Return one row per curve, the end of the slew marked."""
-    figure = make_subplots(rows=len(lines), cols=1, shared_xaxes=True, vertical_spacing=0.04)
-    for row, (label, values) in enumerate(lines.items(), start=1):
-        line = {"color": COLOURS[0], "width": 1.5}
-        figure.add_trace(
-            go.Scatter(x=time, y=values, mode="lines", line=line, name=label), row=row, col=1
-        )
-        figure.update_yaxes(title_text=label, row=row, col=1)
-    figure.add_vline(x=end, line={"color": COLOURS[7], "width": 1, "dash": "dot"}, row="all", col=1)
-    figure.update_xaxes(title_text="time [s]", row=len(lines), col=1)
-    figure.update_layout(title=title, height=170 * len(lines) + 90, showlegend=False)
-    return figure
+def _over_time(title: str, time: Vector, lines: dict[str, Vector], end: float) -> Group:
+    """Return one panel per curve, the end of the slew marked."""
+    group = stacked([*lines], {"": (time, np.column_stack([*lines.values()]))}, words=title)
+    group.marks = (Mark("end of the slew", end, end, COLOURS[7]),)
+    return group
 
 
 def residual(slew: BangBang, durations: Vector, factor: float) -> float:

@@ -26,7 +26,7 @@ from flexslew_control.planners import (
     plan_settings,
     require_section,
 )
-from flexslew_control.planners.first_point import with_jump
+from flexslew_control.planners.checks.first_point import with_jump
 from flexslew_control.planners.law_gains import law_gains
 from flexslew_control.planners.slew import Feedback
 from flexslew_lab.progress import phase

@@ -3,9 +3,9 @@
 One of the user's own needs no line: `kind: my_testbed.py:MyTestbed`, or an entry point of the
 group flexslew.testbeds.
 
-Offers: attitude, beam, compiled.bound, compiled.dynamics, compiled.interface,
+Offers: appendages, attitude, beam, compiled.bound, compiled.dynamics, compiled.interface,
 compiled.scalar_kernel, compiled.batch_kernel, compiled.mass, compiled.push, compiled.traced_kernel,
-contract, csa, floating, floating_oscillator, hub_with_appendages, identified, instruments,
+contract, csa, floating_oscillator, hub_with_appendages, identified, instruments,
 instruments.instrument, instruments.packed_readers, integration_error, kernels, linearisation,
 model, quaternions, robot_model, scene, spacecraft.assembly.packing, spacecraft.shapes.shape,
 spacecraft.testbed, spacecraft.units.

@@ -1,13 +1,13 @@
 """A testbed's rigid parts as a robot description (URDF): links with inertia, and joints."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from flexslew_plant.arrays import Matrix
+from flexslew_plant.arrays import Matrix, Vector
 
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # x, y, z, w
@@ -23,6 +23,19 @@ class Frame(NamedTuple):
     child: str
     translation: Triple
     rotation: Quaternion
+
+
+Pose = tuple[Matrix, Vector]  # rotation (3, 3), translation (3,) [m]
+
+
+def world_poses(frames: Iterable[Frame]) -> dict[str, Pose]:
+    """Return where frames are in the world, parents before their children."""
+    poses: dict[str, Pose] = {}
+    for frame in frames:
+        turn, at = poses.setdefault(frame.parent, (np.eye(3), np.zeros(3)))
+        in_parent = Rotation.from_quat(frame.rotation).as_matrix()
+        poses[frame.child] = turn @ in_parent, at + turn @ np.asarray(frame.translation)
+    return poses
 
 
 class Inertial(NamedTuple):

@@ -11,7 +11,6 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.attitude_goal import AttitudeGoal, Triple
 from flexslew_control.planners.attitude.attitude_path import (
@@ -27,10 +26,14 @@ from flexslew_control.planners.attitude.eigenaxis import (
     joint_coupling,
     tracking_efforts,
 )
-from flexslew_control.planners.entry import PlannerEntry
-from flexslew_control.planners.one_way import shared_out
-from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.slew import ExcessTorque, Feedback, slew_of, tick_times
+from flexslew_control.planners.checks.one_way import shared_out
+from flexslew_control.planners.entry import PlannerEntry, PlanTask
+from flexslew_control.planners.slew import (
+    ExcessTorque,
+    plan_on_ticks,
+    slew_of,
+    tick_times,
+)
 from flexslew_control.shared_keys import Initial, Start
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -99,27 +102,16 @@ class AttitudeProfile:
         return self.start + (self.duration or 0.0)
 
 
-def plan_attitude_profile(
-    settings: AttitudeProfile,
-    plant: PlantDescription,
-    feedback: Feedback | None = None,
-    progress: Progress | None = None,
-    law: ActiveLaw | None = None,
-) -> Plan:
+def plan_attitude_profile(task: PlanTask) -> Plan:
     """Return the plan through the points and to the spin, which it keeps until its end.
-
-    Args:
-        settings: the section.
-        plant: what stands on the bench.
-        feedback: unused: efforts follow the whole model.
-        progress: not called: nothing is iterated.
-        law: shares torques out where there are thrusters.
 
     Raises:
         BadInput: no attitude in three axes, or points that are not in order.
         ExcessTorque: a drive has not what the profile needs.
         PlanFailed: the period is too long for the modes.
     """
+    settings: AttitudeProfile = task.settings
+    plant = task.plant
     slew = slew_of(settings, plant)
     model = plant.testbed.model()
     if model.attitude is None or model.gyros:
@@ -141,22 +133,12 @@ def plan_attitude_profile(
     position = np.where(model.attitude.reads, rotation @ axes, along)
     position[0] = slew.start
     velocity = motion.rate @ axes + motion.rate @ coupling
-    plan = Plan(
-        method=settings.method,
-        joint_names=model.joint_names,
-        start=settings.start,
-        period=slew.period,
-        position=position,
-        velocity=velocity,
-        effort=tracking_efforts(
-            model.with_time_zero(settings.start), position, velocity, slew.period
-        ),
-        state=np.zeros((len(ticks), 0)),
-        duration=duration,
-        request={**plain(settings), "initial": slew.named(slew.start)},
-        summary={"duration": duration, "final_rate": motion.rate[-1].tolist()},
-    )
-    plan, used = shared_out(plan, plant, law)
+    effort = tracking_efforts(model.with_time_zero(settings.start), position, velocity, slew.period)
+    summary = {"duration": duration, "final_rate": motion.rate[-1].tolist()}
+    request = {**plain(settings), "initial": slew.named(slew.start)}
+    plan = plan_on_ticks(settings, slew, (position, velocity), effort, summary)
+    plan = replace(plan, request=request)
+    plan, used = shared_out(plan, plant, task.law)
     peak = np.abs(plan.effort).max(axis=0, initial=0.0)
     if used > 1.0 + _ROUNDING:
         joint = int((peak / slew.effort_limit).argmax())

@@ -1,91 +1,40 @@
 """A plan that shakes the bench, so that a model can be identified from the log."""
 
 from dataclasses import replace
-from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
-from flexslew_control.law import ActiveLaw, PlantDescription, per_joint
+from flexslew_control.law import per_joint
 from flexslew_control.plan import Plan
-from flexslew_control.planners.entry import PlannerEntry
+from flexslew_control.planners.entry import PlannerEntry, PlanTask
 from flexslew_control.planners.excitation.experiments import Experiments, divide, signal
 from flexslew_control.planners.excitation.limits import (
     PredictedPeaks,
     SignalLimits,
     scale_to_limits,
 )
-from flexslew_control.planners.excitation.signals import Phases
-from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.slew import Feedback, Slew, slew_of
-from flexslew_control.shared_keys import Initial, Start, WholeModel
+from flexslew_control.planners.excitation.section import Excitation as Excitation
+from flexslew_control.planners.slew import Slew, plan_on_ticks, slew_of
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import NonNegative, PerJoint, Positive, plain, section
+from flexslew_plant.settings import plain
 from flexslew_plant.testbeds.model import Model
 
 _BELOW, _ABOVE = 0.4, 2.5  # default band, in parts of the lowest and the highest frequency
 
 
-@section
-class Excitation:
-    """Joints are shaken about their positions, so that a model can be identified."""
-
-    goal: ClassVar[dict[str, float]] = {}  # no joint goes anywhere
-
-    method: Literal["excitation"] = "excitation"
-    # kind of the shaking
-    signal: Literal["multisine", "chirp", "random_binary", "impulse"] = "multisine"
-    model: WholeModel = None
-    initial: Initial = None
-    joints: tuple[str, ...] | None = None  # names of the joints that are shaken; null: all
-    # lowest and highest frequency [rad/s]; null: 0.4 times the lowest to 2.5 times the highest of
-    # the model
-    band: tuple[Positive, Positive] | None = None
-    # distance of two lines of the multisine [rad/s]; null: four periods in each experiment
-    resolution: Positive | None = None
-    # a line's size goes with its frequency to this power [-]
-    slope: Annotated[float, Field(ge=-4.0, le=4.0)] = 0.0
-    phases: Phases = "optimised"  # of the lines: optimised for the smallest peak, schroeder, random
-    # peak of the shaking, for all joints or each [N m or N]; null: the largest within the three
-    # limits below
-    amplitude: PerJoint | None = None
-    # largest effort with the feedback, as a part of the limit [-]
-    effort_share: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
-    largest_excursion: PerJoint = (0.02,)  # of a joint, for all or each [rad or m]
-    # largest deflection of a tip that the model predicts [m]; null: no limit
-    largest_tip: Positive | None = None
-    taper: NonNegative = 5.0  # rise and fall at the ends [s]
-    start: Start = 0.0
-    duration: Positive = 600.0  # of all of it [s]
-    seed: Annotated[int, Field(ge=0)] = 1  # of what is random
-    # gains `kp` and `kd` that fly it; null: those of the controller in charge
-    feedback: Feedback | None = None
-
-
-def plan_excitation(
-    settings: Excitation,
-    plant: PlantDescription,
-    feedback: Feedback | None,
-    progress: Progress | None = None,
-    law: ActiveLaw | None = None,
-) -> Plan:
+def plan_excitation(task: PlanTask) -> Plan:
     """Return the plan that shakes the joints in turn of phase, with the reference at rest.
 
     A multisine is orthogonal over the joints: as many experiments as joints, of whole periods each,
     so that the frequency responses of the joints can be separated line by line.
 
-    Args:
-        settings: the section.
-        plant: the bench.
-        feedback: gains of the active controller; None: it has no such gains.
-        progress: not called: nothing is iterated for long.
-        law: unused: a shaken bench is predicted by its joint gains.
-
     Raises:
         BadInput: if there is no such joint, the band is empty, or the duration is less than two
             periods.
     """
+    settings: Excitation = task.settings
+    plant, feedback = task.plant, task.feedback
     whole = settings.model if settings.model is not None else plain(plant.testbed)
     slew = slew_of(replace(settings, model=whole), plant, feedback)
     model = slew.model
@@ -180,23 +129,9 @@ def _plan(
             "predicted_tip_deflection": predicted.tip,
         }
     rest = np.tile(slew.start, (ticks + 1, 1))
-    return Plan(
-        method=settings.method,
-        joint_names=slew.model.joint_names,
-        start=settings.start,
-        period=slew.period,
-        position=rest,
-        velocity=np.zeros_like(rest),
-        effort=effort,
-        state=np.zeros((ticks + 1, 0)),
-        duration=settings.duration,
-        request={
-            **plain(settings),
-            "model": plain(slew.testbed),
-            "initial": slew.named(slew.start),
-        },
-        summary=summary,
-    )
+    plan = plan_on_ticks(settings, slew, (rest, np.zeros_like(rest)), effort, summary)
+    model, initial = plain(slew.testbed), slew.named(slew.start)
+    return replace(plan, request={**plain(settings), "model": model, "initial": initial})
 
 
 EXCITATION = PlannerEntry(Excitation, plan_excitation, slews=False)

@@ -1,12 +1,11 @@
 """The division of an excitation into experiments of whole periods, and its signal."""
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
 
 import numpy as np
 
+from flexslew_control.planners.excitation.section import Excitation
 from flexslew_control.planners.excitation.signals import (
-    Phases,
     chirp,
     impulse,
     lines_of,
@@ -16,38 +15,6 @@ from flexslew_control.planners.excitation.signals import (
 )
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-
-
-class SignalSettings(Protocol):
-    """The keys of the `plan` section for the signal."""
-
-    @property
-    def signal(self) -> Literal["multisine", "chirp", "random_binary", "impulse"]:
-        """Its kind."""
-
-    @property
-    def resolution(self) -> float | None:
-        """Distance of two lines [rad/s]; None: four periods an experiment."""
-
-    @property
-    def slope(self) -> float:
-        """Exponent of a line's size over frequency."""
-
-    @property
-    def phases(self) -> Phases:
-        """How they are chosen."""
-
-    @property
-    def taper(self) -> float:
-        """Rise and fall at the ends [s]."""
-
-    @property
-    def duration(self) -> float:
-        """Of all experiments [s]."""
-
-    @property
-    def seed(self) -> int:
-        """Of what is random."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +36,7 @@ class Experiments:
     after: int
 
 
-def divide(
-    settings: SignalSettings, joints: int, band: tuple[float, float], h: float
-) -> Experiments:
+def divide(settings: Excitation, joints: int, band: tuple[float, float], h: float) -> Experiments:
     """Return how the ticks of an excitation are divided.
 
     Raises:
@@ -96,9 +61,7 @@ def divide(
     )
 
 
-def signal(
-    settings: SignalSettings, parts: Experiments, band: tuple[float, float], h: float
-) -> Matrix:
+def signal(settings: Excitation, parts: Experiments, band: tuple[float, float], h: float) -> Matrix:
     """Return what shakes each joint, with a peak of 1, over all experiments and both tapers."""
     rng = np.random.default_rng(settings.seed)
     one = _one_period(settings, parts, band, h, rng)
@@ -121,7 +84,7 @@ def signal(
 
 
 def _one_period(
-    settings: SignalSettings,
+    settings: Excitation,
     parts: Experiments,
     band: tuple[float, float],
     h: float,

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexslew_control.planners.feedforward.basis import Basis
 from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre, stage_times, substeps_for
-from flexslew_control.planners.prediction import monitor_time
+from flexslew_control.planners.residual.prediction import monitor_time
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.linearisation import Linearisation
 

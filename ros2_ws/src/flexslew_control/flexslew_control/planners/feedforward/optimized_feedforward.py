@@ -32,6 +32,7 @@ from flexslew_control.planners.slew import (
     ExcessTorque,
     FeedbackKey,
     Slew,
+    plan_on_ticks,
     tick_times,
 )
 from flexslew_control.planners.slewing import SlewPlanner
@@ -148,18 +149,10 @@ def on_ticks(
     peak = np.abs(effort).max(axis=0)
     _check_saturation(manoeuvre.model, peak, slew.effort_limit)
     at = np.searchsorted(edges, ticks - 1e-9 * manoeuvre.duration)
-    return Plan(
-        method=settings.method,
-        joint_names=manoeuvre.model.joint_names,
-        start=settings.start,
-        period=slew.period,
-        position=reference.position,
-        velocity=reference.velocity,
-        effort=basis.means(ticks) @ weights,
-        state=path[at],
-        duration=manoeuvre.duration,
-        summary={"duration": manoeuvre.duration, "peak_effort": peak.tolist()},
-    )
+    summary = {"duration": manoeuvre.duration, "peak_effort": peak.tolist()}
+    ends = reference.position, reference.velocity
+    means = basis.means(ticks) @ weights
+    return plan_on_ticks(settings, slew, ends, means, summary, path[at])
 
 
 def with_nominal_reference(
@@ -187,12 +180,7 @@ def with_nominal_reference(
     at, middle = np.searchsorted(edges, ticks - slack), np.searchsorted(edges, middle_times - slack)
     mean = (feedback[at[:-1]] + 4.0 * feedback[middle] + feedback[at[1:]]) / 6.0  # Simpson
     effort = plan.effort + mean
-    state = np.empty((ticks.size, 2 * n))
-    state[0] = path[0]
-    for k, tick_effort in enumerate(effort):
-        state[k + 1] = slew.model.advance(
-            state[k], tick_effort, slew.period, slew.steps, float(ticks[k])
-        )
+    state = np.vstack((path[0], slew.model.path(path[0], effort, slew.period, slew.steps)))
     position, velocity = state[:, :m].copy(), state[:, n : n + m].copy()
     position[-1], velocity[-1] = slew.goal, 0.0
     return replace(plan, position=position, velocity=velocity, effort=effort, state=state)

@@ -25,6 +25,7 @@ from pydantic import Field
 
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.attitude_goal import GoalKey
+from flexslew_control.planners.checks.rest_at_goal import require_rest
 from flexslew_control.planners.entry import PlannerEntry, Variant
 from flexslew_control.planners.feedforward.basis import Basis, BasisName
 from flexslew_control.planners.feedforward.ensemble import FeedforwardMember
@@ -45,7 +46,6 @@ from flexslew_control.planners.feedforward.optimized_feedforward import (
 )
 from flexslew_control.planners.held_efforts import joints_at_rest
 from flexslew_control.planners.progress import Progress, Update, ignore
-from flexslew_control.planners.rest_at_goal import require_rest
 from flexslew_control.planners.slew import ExcessTorque, FeedbackKey, Slew
 from flexslew_control.planners.slewing import RESIDUAL_SHARE, SlewPlanner
 from flexslew_control.planners.trajectories import Profile

@@ -56,13 +56,7 @@ def roll_out(
         h = edges[step + 1] - edges[step]
         for i in range(STAGES):
             row = step * STAGES + i
-            for k in range(2 * n):
-                at[k] = now[k]
-            for j in range(i):
-                weight = h * STAGE_WEIGHTS[i, j]
-                if weight != 0.0:
-                    for k in range(2 * n):
-                        at[k] += weight * slopes[j, k]
+            dynamics.stage_state(now, slopes, i, h, at)
             for j in range(m):
                 effort[j] = inputs[row, j] - kp[j] * at[j] - kd[j] * at[n + j]
             now_at = edges[step] + STAGE_TIMES[i] * h
@@ -73,10 +67,7 @@ def roll_out(
                 states[row, k] = at[k]
                 states[row, n + k] = at[n + k]
                 accelerations[row, k] = a[k]
-        for j in range(STAGES):
-            weight = h * STEP_WEIGHTS[j]
-            for k in range(2 * n):
-                now[k] += weight * slopes[j, k]
+        dynamics.complete_step(now, slopes, h)
         for k in range(2 * n):
             path[step + 1, k] = now[k]
     return path

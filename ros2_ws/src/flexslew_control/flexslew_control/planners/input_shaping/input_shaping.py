@@ -20,7 +20,7 @@ from flexslew_control.planners.input_shaping.shapers import (
     make_shaper,
 )
 from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.slew import ExcessTorque, Slew, tick_times
+from flexslew_control.planners.slew import ExcessTorque, Slew, plan_on_ticks, tick_times
 from flexslew_control.planners.slewing import SlewPlanner
 from flexslew_control.shared_keys import DesignModel, Initial, Start
 from flexslew_plant.arrays import Vector
@@ -93,34 +93,25 @@ def plan_input_shaping(settings: InputShaping, slew: Slew, progress: Progress) -
             )
     m = model.joints
     q, v = q[::FINE], v[::FINE]
-    return Plan(
-        method=settings.method,
-        joint_names=model.joint_names,
-        start=settings.start,
-        period=slew.period,
-        position=q[:, :m].copy(),
-        velocity=v[:, :m].copy(),
-        effort=effort,
-        state=np.hstack((q, v)),
-        duration=duration,
-        summary={
-            "duration": duration,
-            "shaper_delay": shaper.duration,
-            "impulse_times": shaper.times.tolist(),
-            "impulse_amplitudes": shaper.amplitudes.tolist(),
-            "frequencies": [float(w) for w in frequencies],
-            "sensitivity": [
-                row
-                for w in frequencies[:1]
-                for row in shaper.sensitivity(w, settings.damping, 0.3, 61).tolist()
-            ],
-            "modal_residual": [
-                float(np.hypot(q[-1, j], v[-1, j] / w))
-                for j, w in enumerate(clamped_frequencies(model), m)
-            ],  # amplitude left in every mode, joints held [m]
-            "peak_effort": peak.tolist(),
-        },
-    )
+    summary = {
+        "duration": duration,
+        "shaper_delay": shaper.duration,
+        "impulse_times": shaper.times.tolist(),
+        "impulse_amplitudes": shaper.amplitudes.tolist(),
+        "frequencies": [float(w) for w in frequencies],
+        "sensitivity": [
+            row
+            for w in frequencies[:1]
+            for row in shaper.sensitivity(w, settings.damping, 0.3, 61).tolist()
+        ],
+        "modal_residual": [
+            float(np.hypot(q[-1, j], v[-1, j] / w))
+            for j, w in enumerate(clamped_frequencies(model), m)
+        ],  # amplitude left in every mode, joints held [m]
+        "peak_effort": peak.tolist(),
+    }
+    reference = q[:, :m].copy(), v[:, :m].copy()
+    return plan_on_ticks(settings, slew, reference, effort, summary, np.hstack((q, v)))
 
 
 def command_profile(name: Command, s: Vector) -> tuple[Vector, Vector, Vector]:

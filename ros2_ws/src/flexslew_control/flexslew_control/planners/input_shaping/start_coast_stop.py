@@ -18,7 +18,7 @@ from flexslew_control.planners.input_shaping.shaped_motion import (
     nominal_motion,
 )
 from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.slew import Slew, tick_times
+from flexslew_control.planners.slew import Slew, plan_on_ticks, tick_times
 from flexslew_control.planners.slewing import RESIDUAL_SHARE, SlewPlanner
 from flexslew_control.planners.trajectories import rounded_up
 from flexslew_control.shared_keys import DesignModel, Initial, Start
@@ -214,26 +214,18 @@ def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progre
             f"the feedforward reaches {peak.round(1).tolist()} N m, above the limit "
             f"{slew.effort_limit.tolist()}; give a smaller amplitude or pulse_frequency"
         )
-    return Plan(
-        method=settings.method,
-        joint_names=model.joint_names,
-        start=settings.start,
-        period=slew.period,
-        position=q[::FINE, :joints].copy(),
-        velocity=v[::FINE, :joints].copy(),
-        effort=effort,
-        state=np.hstack((q[::FINE], v[::FINE])),
-        duration=duration,
-        summary={
-            "duration": duration,
-            "pulse_amplitude": abs(motion.amplitude) * inertia,
-            "pulse_length": motion.length,
-            "coast_end": motion.stop,
-            "shaper_delay": delay,
-            "peak_effort": [float(x) for x in peak],
-            **_residual_summary(settings, slew, q[: over + 1], v[: over + 1]),
-        },
-    )
+    summary = {
+        "duration": duration,
+        "pulse_amplitude": abs(motion.amplitude) * inertia,
+        "pulse_length": motion.length,
+        "coast_end": motion.stop,
+        "shaper_delay": delay,
+        "peak_effort": [float(x) for x in peak],
+        **_residual_summary(settings, slew, q[: over + 1], v[: over + 1]),
+    }
+    reference = q[::FINE, :joints].copy(), v[::FINE, :joints].copy()
+    state = np.hstack((q[::FINE], v[::FINE]))
+    return plan_on_ticks(settings, slew, reference, effort, summary, state)
 
 
 def _residual_summary(settings: StartCoastStop, slew: Slew, q: Matrix, v: Matrix) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from numba import types
 
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.planners.minimax.motion import MemberFlight
-from flexslew_control.planners.motors import Matrices, matrices, motor_step
+from flexslew_control.planners.residual.motors import Matrices, matrices, motor_step
 from flexslew_plant.arrays import Indices, Matrix, Vector, compiled, compiled_once, put
 from flexslew_plant.machine_code.read_only import read_only
 from flexslew_plant.testbeds import Model

@@ -16,6 +16,7 @@ from pydantic import Field
 
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.attitude_goal import GoalKey
+from flexslew_control.planners.checks.rest_at_goal import require_rest
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.minimax.members import Ensemble
 from flexslew_control.planners.minimax.optimum import Found, found_optimum
@@ -25,10 +26,9 @@ from flexslew_control.planners.minimax.search import PATH_MARGIN
 from flexslew_control.planners.minimax.shortest import minimum_time, suggest_duration
 from flexslew_control.planners.minimax.turn import three_axis_slew
 from flexslew_control.planners.minimax.turning_motion import RotationMotion
-from flexslew_control.planners.motors import matrices, motor_step
 from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.rest_at_goal import require_rest
-from flexslew_control.planners.slew import FeedbackKey, Slew, tick_times
+from flexslew_control.planners.residual.motors import matrices, motor_step
+from flexslew_control.planners.slew import FeedbackKey, Slew, plan_on_ticks, tick_times
 from flexslew_control.planners.slewing import SlewPlanner
 from flexslew_control.shared_keys import DesignModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
@@ -200,18 +200,8 @@ def _plan(settings: MinimaxFeedforward, question: Question, found: Found) -> Pla
         ],
         "predicted_residual_tip_deflection": float(optimum.residuals[0]),
     }
-    return Plan(
-        method=settings.method,
-        joint_names=slew.model.joint_names,
-        start=settings.start,
-        period=slew.period,
-        position=position,
-        velocity=velocity,
-        effort=np.vstack((efforts, rest)),
-        state=state,
-        duration=found.duration,
-        summary=summary,
-    )
+    effort = np.vstack((efforts, rest))
+    return plan_on_ticks(settings, slew, (position, velocity), effort, summary, state)
 
 
 def _by_joint(slew: Slew, found: Found, ticks: Vector) -> tuple[Matrix, Matrix, Matrix]:

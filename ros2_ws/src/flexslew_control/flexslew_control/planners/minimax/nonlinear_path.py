@@ -17,7 +17,7 @@ import numpy as np
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.planners.minimax.motion import MemberFlight, MemberMotion
 from flexslew_control.planners.minimax.response import Grid, Indices
-from flexslew_control.planners.motors import Matrices, matrices, motor_step
+from flexslew_control.planners.residual.motors import Matrices, matrices, motor_step
 from flexslew_plant.arrays import Matrix, Tensor, Vector, called, compiled
 from flexslew_plant.testbeds import Model
 

@@ -13,7 +13,7 @@ from flexslew_control.planners.minimax.motion import MemberMotion
 from flexslew_control.planners.minimax.program import ConeProgram, Limits
 from flexslew_control.planners.minimax.response import AtRest, Grid, Response, at_rest, grid_of
 from flexslew_control.planners.minimax.turn import AllDrivesTurn
-from flexslew_control.planners.prediction import monitor_time
+from flexslew_control.planners.residual.prediction import monitor_time
 from flexslew_control.planners.slew import Slew
 from flexslew_control.planners.trajectories import rigid_duration
 from flexslew_plant.arrays import Matrix

@@ -24,7 +24,7 @@ from flexslew_control.planners.minimax.successive import (
 )
 from flexslew_control.planners.minimax.successive import EnsembleProblem as Flown
 from flexslew_control.planners.progress import Progress, Update, ignore
-from flexslew_control.planners.whole_bench import TIP_FLOOR
+from flexslew_control.planners.residual.whole_bench import TIP_FLOOR
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import PlanFailed
 

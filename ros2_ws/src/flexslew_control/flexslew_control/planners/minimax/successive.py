@@ -32,7 +32,7 @@ from flexslew_control.planners.minimax.program import (
 )
 from flexslew_control.planners.minimax.response import AtRest, Grid, Indices, Response
 from flexslew_control.planners.minimax.rounds import Goal, solved
-from flexslew_control.planners.whole_bench import TIP_FLOOR
+from flexslew_control.planners.residual.whole_bench import TIP_FLOOR
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds import Model
 

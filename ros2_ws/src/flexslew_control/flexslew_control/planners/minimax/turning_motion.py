@@ -24,7 +24,7 @@ from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Model, Testbed
 from flexslew_plant.testbeds.attitude import conjugate, product
-from flexslew_plant.testbeds.floating import CanFloat
+from flexslew_plant.testbeds.contract import CanFloat
 from flexslew_plant.testbeds.linearisation import Linearisation
 from flexslew_plant.testbeds.quaternions import multiply, rotation_vector_of
 

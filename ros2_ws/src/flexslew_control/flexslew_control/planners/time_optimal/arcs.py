@@ -13,7 +13,7 @@ The loops are compiled once for all testbeds and receive the equations of each a
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 from numba import types
@@ -25,8 +25,10 @@ from flexslew_plant.testbeds.compiled.dynamics import STAGE_WEIGHTS, STAGES, STE
 
 _VECTOR = types.Array(types.float64, 1, "C")
 _MATRIX = types.Array(types.float64, 2, "C")
-_RateOf = Callable[[Vector, float, Vector, Vector, Vector], None]
-_JacobianOf = Callable[[Vector, float, Vector, Vector, Matrix, Matrix], None]
+_COPIES = types.Tuple((_MATRIX, _VECTOR, _VECTOR))
+_RateOf: TypeAlias = Callable[[Vector, float, Vector, Vector, Vector], None]
+_JacobianOf: TypeAlias = Callable[[Vector, float, Vector, Vector, Matrix, Matrix], None]
+_Copies: TypeAlias = tuple[Matrix, Vector, Vector]  # packed, kp and kd of a ModelEnsemble
 
 
 class ModelEnsemble(NamedTuple):
@@ -50,8 +52,9 @@ def final_states(
         durations: shape (arcs,) [s].
         step: longest step of the integration [s].
     """
-    found: Matrix = _run(_final_states, _MATRIX, models, start, efforts, durations, step)
-    return found
+    none = np.zeros((len(models.packed) * start.size, 0))
+    z, _ = _run(_simulate, models, start, efforts, durations, step, none)
+    return z.reshape(len(models.packed), -1)
 
 
 def final_sensitivity(
@@ -62,16 +65,13 @@ def final_sensitivity(
     With z' = f(z, u_i) on arc i: dz/dd_i = f at the end of the arc, then S' = (df/dz) S.
 
     Args:
-        copies, start, efforts, durations, step: as in final_states.
+        models, start, efforts, durations, step: as in final_states.
 
     Returns:
         the states, shape (copies 2 n,), and dz_f/dd, shape (copies 2 n, arcs).
     """
-    pair = types.Tuple((_VECTOR, _MATRIX))
-    found: tuple[Vector, Matrix] = _run(
-        _final_sensitivity, pair, models, start, efforts, durations, step
-    )
-    return found
+    slopes = np.zeros((len(models.packed) * start.size, durations.size))
+    return _run(_simulate, models, start, efforts, durations, step, slopes)
 
 
 def costate_backwards(
@@ -87,34 +87,17 @@ def costate_backwards(
     lambda' = -(df/dz)^T lambda is integrated backwards together with the states.
 
     Args:
-        copies, efforts, durations, step: as in final_states.
+        models, efforts, durations, step: as in final_states.
         final: states at the end, flat, shape (copies 2 n,).
         costate: lambda at the end, same shape.
 
     Returns:
         falling times, shape (samples,) [s]; lambda^T df/du, shape (samples, joints).
     """
-    pair = types.Tuple((_VECTOR, _MATRIX))
-    found: tuple[Vector, Matrix] = _run(
-        _costate_backwards, pair, models, final, costate, efforts, durations, step
-    )
-    return found
+    return _run(_costate_backwards, models, final, costate, efforts, durations, step)
 
 
-def rates(models: ModelEnsemble, z: Vector, effort: Vector) -> Vector:
-    """Return dz/dt of all copies, shape of z.
-
-    Args:
-        models: of the model.
-        z: their states, flat, shape (copies 2 n,).
-        effort: of the arc, shape (joints,) [N m or N].
-    """
-    out = np.empty(z.size)
-    _run(_rates, types.void, models, z, effort, out)
-    return out
-
-
-def _run(function: Callable[..., Any], result: Any, models: ModelEnsemble, *given: Any) -> Any:
+def _run(function: Callable[..., Any], models: ModelEnsemble, *given: Any) -> tuple[Vector, Matrix]:
     """Return what a loop over these copies finds, for arrays of any access and layout."""
     kinds = tuple(
         types.float64 if np.ndim(one) == 0 else (_VECTOR, _MATRIX)[one.ndim - 1] for one in given
@@ -124,75 +107,55 @@ def _run(function: Callable[..., Any], result: Any, models: ModelEnsemble, *give
         one if np.ndim(one) == 0 else np.require(one, np.float64, ["C", "W"])
         for one in (*models[1:], *given)
     ]
-    return _kernel(function, result, kinds)(*models.equations, *arrays)
+    found = _kernel(function, kinds)(*models.equations, tuple(arrays[:3]), *arrays[3:])
+    return cast(tuple[Vector, Matrix], found)
 
 
 @cache
-def _kernel(
-    function: Callable[..., Any], result: Any, kinds: tuple[Any, ...]
-) -> Callable[..., Any]:
+def _kernel(function: Callable[..., Any], kinds: tuple[Any, ...]) -> Callable[..., Any]:
     """Return a loop as machine code, the same for all testbeds."""
     kernel: Any = compiled(function)
-    kernel.compile(result(RATES, JACOBIAN, _MATRIX, _VECTOR, _VECTOR, *kinds))
+    kernel.compile(types.Tuple((_VECTOR, _MATRIX))(RATES, JACOBIAN, _COPIES, *kinds))
     kernel.disable_compile()  # never for the type of one testbed's function
     return cast(Callable[..., Any], kernel)
 
 
-def _rates(
-    rate_of: _RateOf,
-    jacobian_of: _JacobianOf,
-    packed: Matrix,
-    kp: Vector,
-    kd: Vector,
-    z: Vector,
-    effort: Vector,
-    out: Vector,
-) -> None:
-    _all_rates(rate_of, packed, kp, kd, z, effort, out)
+@compiled
+def _applied(copies: _Copies, z: Vector, effort: Vector, copy: int, applied: Vector) -> Vector:
+    """Return the state of a copy, after writing its effort under the feedback."""
+    packed, kp, kd = copies
+    rows = z.size // packed.shape[0]
+    n, x = rows // 2, z[copy * rows : (copy + 1) * rows]
+    for j in range(effort.size):
+        applied[j] = effort[j] + kp[j] * (z[j] - x[j]) + kd[j] * (z[n + j] - x[n + j])
+    return x
 
 
 @compiled
-def _all_rates(
-    rate_of: _RateOf, packed: Matrix, kp: Vector, kd: Vector, z: Vector, effort: Vector, out: Vector
-) -> None:
-    """Write dz/dt of all copies; see rates."""
-    models, m = packed.shape[0], effort.size
-    rows = z.size // models
-    n, applied = rows // 2, np.empty(m)
-    for c in range(models):
-        x = z[c * rows : (c + 1) * rows]
-        for j in range(m):
-            applied[j] = effort[j] + kp[j] * (z[j] - x[j]) + kd[j] * (z[n + j] - x[n + j])
+def _rates(rate_of: _RateOf, copies: _Copies, z: Vector, effort: Vector, out: Vector) -> None:
+    """Write dz/dt of all copies, shape of z."""
+    packed, applied = copies[0], np.empty(effort.size)
+    rows = z.size // packed.shape[0]
+    for c in range(packed.shape[0]):
+        x = _applied(copies, z, effort, c, applied)
         rate_of(packed[c], 0.0, x, applied, out[c * rows : (c + 1) * rows])
 
 
 @compiled
 def _jacobians(
-    jacobian_of: _JacobianOf,
-    packed: Matrix,
-    kp: Vector,
-    kd: Vector,
-    z: Vector,
-    effort: Vector,
-    dx: Tensor,
-    du: Tensor,
+    jacobian_of: _JacobianOf, copies: _Copies, z: Vector, effort: Vector, dx: Tensor, du: Tensor
 ) -> None:
     """Write df/dx, shape (copies, 2 n, 2 n), and df/du, shape (copies, 2 n, joints), of all."""
-    models, m = packed.shape[0], effort.size
-    rows = z.size // models
-    n, applied = rows // 2, np.empty(m)
-    for c in range(models):
-        x = z[c * rows : (c + 1) * rows]
-        for j in range(m):
-            applied[j] = effort[j] + kp[j] * (z[j] - x[j]) + kd[j] * (z[n + j] - x[n + j])
+    packed, applied = copies[0], np.empty(effort.size)
+    for c in range(packed.shape[0]):
+        x = _applied(copies, z, effort, c, applied)
         jacobian_of(packed[c], 0.0, x, applied, dx[c], du[c])
 
 
 @compiled
-def _tangent(
-    dx: Tensor, du: Tensor, kp: Vector, kd: Vector, s: Matrix, columns: int, out: Matrix
-) -> None:
-    """Write (df/dz) s of rates, for the first columns of s alone."""
+def _tangent(dx: Tensor, du: Tensor, copies: _Copies, s: Matrix, columns: int, out: Matrix) -> None:
+    """Write (df/dz) s of _rates, for the first columns of s alone."""
+    _, kp, kd = copies
     models, rows, m = du.shape
     n = rows // 2
     for c in range(models):
@@ -215,9 +178,10 @@ def _tangent(
 
 @compiled
 def _cotangent(
-    dx: Tensor, du: Tensor, kp: Vector, kd: Vector, costate: Vector, out: Vector, by_effort: Vector
+    dx: Tensor, du: Tensor, copies: _Copies, costate: Vector, out: Vector, by_effort: Vector
 ) -> None:
-    """Write (df/dz)^T lambda of rates and, summed over the copies, (df/du)^T lambda."""
+    """Write (df/dz)^T lambda of _rates and, summed over the copies, (df/du)^T lambda."""
+    _, kp, kd = copies
     models, rows, m = du.shape
     n = rows // 2
     out[:] = 0.0
@@ -241,98 +205,64 @@ def _cotangent(
 
 
 @compiled
-def _repeat_state(start: Vector, models: int) -> Vector:
-    """Return the states of all copies at the start, flat."""
-    z = np.empty(models * start.size)
-    for c in range(models):
-        for k in range(start.size):
-            z[c * start.size + k] = start[k]
-    return z
+def _advance_slopes(
+    s: Matrix, rates: Tensor, weights: Vector, h: float, columns: int, out: Matrix
+) -> None:
+    """Write s + h (weights of the stages) rates, for the first columns alone."""
+    for i in range(s.shape[0]):
+        for k in range(columns):
+            out[i, k] = s[i, k]
+        for j in range(STAGES):
+            weight = h * weights[j]
+            if weight != 0.0:
+                for k in range(columns):
+                    out[i, k] += weight * rates[j, i, k]
 
 
-def _final_states(
+def _simulate(
     rate_of: _RateOf,
     jacobian_of: _JacobianOf,
-    packed: Matrix,
-    kp: Vector,
-    kd: Vector,
+    copies: _Copies,
     start: Vector,
     efforts: Matrix,
     durations: Vector,
     step: float,
-) -> Matrix:
-    """See final_states."""
-    models, rows = packed.shape[0], start.size
-    z = _repeat_state(start, models)
-    slopes, at = np.empty((STAGES, z.size)), np.empty(z.size)
-    for arc in range(durations.size):
-        steps = max(1, int(np.ceil(abs(durations[arc]) / step)))
-        h = durations[arc] / steps
-        for _ in range(steps):
-            for stage in range(STAGES):
-                dynamics.stage_state(z, slopes, stage, h, at)
-                _all_rates(rate_of, packed, kp, kd, at, efforts[arc], slopes[stage])
-            dynamics.complete_step(z, slopes, h)
-    return z.reshape((models, rows))
-
-
-def _final_sensitivity(
-    rate_of: _RateOf,
-    jacobian_of: _JacobianOf,
-    packed: Matrix,
-    kp: Vector,
-    kd: Vector,
-    start: Vector,
-    efforts: Matrix,
-    durations: Vector,
-    step: float,
+    s: Matrix,
 ) -> tuple[Vector, Matrix]:
-    """See final_sensitivity."""
-    arcs = durations.size
-    z = _repeat_state(start, packed.shape[0])
-    models, rows = packed.shape[0], start.size
+    """Return the states after all arcs, flat, and s: with columns in it, dz_f/dd."""
+    models, rows, columns = copies[0].shape[0], start.size, s.shape[1]
+    z = np.empty(models * rows)
+    for k in range(z.size):
+        z[k] = start[k % rows]
     dx, du = np.empty((models, rows, rows)), np.empty((models, rows, efforts.shape[1]))
     slopes, at = np.empty((STAGES, z.size)), np.empty(z.size)
-    s, s_at = np.zeros((z.size, arcs)), np.zeros((z.size, arcs))
-    s_slopes = np.zeros((STAGES, z.size, arcs))
-    for arc in range(arcs):
+    s_at, s_slopes = np.zeros(s.shape), np.zeros((STAGES, z.size, columns))
+    for arc in range(durations.size):
+        before = min(arc, columns)  # arcs that the state depends on so far
         steps = max(1, int(np.ceil(abs(durations[arc]) / step)))
         h = durations[arc] / steps
         for _ in range(steps):
             for stage in range(STAGES):
                 dynamics.stage_state(z, slopes, stage, h, at)
-                _all_rates(rate_of, packed, kp, kd, at, efforts[arc], slopes[stage])
-                if arc == 0:
+                _rates(rate_of, copies, at, efforts[arc], slopes[stage])
+                if before == 0:
                     continue
-                _jacobians(jacobian_of, packed, kp, kd, at, efforts[arc], dx, du)
-                for i in range(z.size):
-                    for k in range(arc):
-                        s_at[i, k] = s[i, k]
-                    for j in range(stage):
-                        weight = h * STAGE_WEIGHTS[stage, j]
-                        if weight != 0.0:
-                            for k in range(arc):
-                                s_at[i, k] += weight * s_slopes[j, i, k]
-                _tangent(dx, du, kp, kd, s_at, arc, s_slopes[stage])
+                _jacobians(jacobian_of, copies, at, efforts[arc], dx, du)
+                _advance_slopes(s, s_slopes, STAGE_WEIGHTS[stage], h, before, s_at)
+                _tangent(dx, du, copies, s_at, before, s_slopes[stage])
             dynamics.complete_step(z, slopes, h)
-            for j in range(STAGES):
-                weight = h * STEP_WEIGHTS[j]
-                if weight != 0.0:
-                    for i in range(z.size):
-                        for k in range(arc):
-                            s[i, k] += weight * s_slopes[j, i, k]
-        _all_rates(rate_of, packed, kp, kd, z, efforts[arc], at)
-        for i in range(z.size):
-            s[i, arc] = at[i]
+            _advance_slopes(s, s_slopes, STEP_WEIGHTS, h, before, s)
+        if columns:
+            _rates(rate_of, copies, z, efforts[arc], at)
+            for i in range(z.size):
+                s[i, arc] = at[i]
     return z, s
 
 
 def _costate_backwards(
     rate_of: _RateOf,
     jacobian_of: _JacobianOf,
-    packed: Matrix,
-    kp: Vector,
-    kd: Vector,
+    copies: _Copies,
     final: Vector,
     costate: Vector,
     efforts: Matrix,
@@ -345,7 +275,7 @@ def _costate_backwards(
     for i in range(durations.size):
         counts[i] = max(1, int(np.ceil(abs(durations[i]) / step)))
     times, values = np.empty(counts.sum() + 1), np.empty((counts.sum() + 1, m))
-    models = packed.shape[0]
+    models = copies[0].shape[0]
     each = rows // models
     dx, du = np.empty((models, each, each)), np.empty((models, each, m))
     y, at, product = np.concatenate((final, costate)), np.empty(2 * rows), np.empty(m)
@@ -357,9 +287,9 @@ def _costate_backwards(
         for _ in range(counts[arc]):
             for stage in range(STAGES):
                 dynamics.stage_state(y, slopes, stage, h, at)
-                _all_rates(rate_of, packed, kp, kd, at[:rows], efforts[arc], slopes[stage, :rows])
-                _jacobians(jacobian_of, packed, kp, kd, at[:rows], efforts[arc], dx, du)
-                _cotangent(dx, du, kp, kd, at[rows:], slopes[stage, rows:], product)
+                _rates(rate_of, copies, at[:rows], efforts[arc], slopes[stage, :rows])
+                _jacobians(jacobian_of, copies, at[:rows], efforts[arc], dx, du)
+                _cotangent(dx, du, copies, at[rows:], slopes[stage, rows:], product)
                 slopes[stage, rows:] *= -1.0
                 if stage == 0:
                     times[row] = t
@@ -368,8 +298,8 @@ def _costate_backwards(
             dynamics.complete_step(y, slopes, h)
             row += 1
             t += h
-    _jacobians(jacobian_of, packed, kp, kd, y[:rows], efforts[0], dx, du)
-    _cotangent(dx, du, kp, kd, y[rows:], at[rows:], product)
+    _jacobians(jacobian_of, copies, y[:rows], efforts[0], dx, du)
+    _cotangent(dx, du, copies, y[rows:], at[rows:], product)
     times[row] = t
     for j in range(m):
         values[row, j] = product[j]

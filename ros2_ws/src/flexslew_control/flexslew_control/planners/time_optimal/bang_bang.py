@@ -169,11 +169,11 @@ class BangBang:
         kp[self.joint], kd[self.joint] = self.kp, self.kd
         return ModelEnsemble(self.model.rates, packed, kp, kd)
 
-    def efforts(self, arcs: int, scale: float = 1.0) -> Matrix:
+    def efforts(self, arcs: int) -> Matrix:
         """Return the effort of each arc, shape (arcs, joints)."""
         out = np.zeros((arcs, self.model.joints))
         signs = np.where(np.arange(arcs) % 2 == 0, 1.0, -1.0)
-        out[:, self.joint] = scale * self.amplitude * np.sign(self.distance) * signs
+        out[:, self.joint] = self.amplitude * np.sign(self.distance) * signs
         return out
 
     def final(self, durations: Vector, factor: float = 1.0, feedback: bool = False) -> Vector:
@@ -192,21 +192,21 @@ class BangBang:
             ]
         )
 
-    def residual(self, durations: Vector, scale: float = 1.0) -> Vector:
-        """Return what misses the end conditions, divided by scale, shape (rows,)."""
-        efforts = self.efforts(durations.size, scale)
+    def residual(self, durations: Vector) -> Vector:
+        """Return what misses the end conditions, shape (rows,)."""
+        efforts = self.efforts(durations.size)
         z = final_states(self.ensemble, self.start, efforts, durations, self.step)
-        return self._end_error(z.ravel(), scale)
+        return self._end_error(z.ravel())
 
-    def residual_jacobian(self, durations: Vector, scale: float = 1.0) -> tuple[Vector, Matrix]:
+    def residual_jacobian(self, durations: Vector) -> tuple[Vector, Matrix]:
         """Return the residual (rows,) and its derivatives by the durations (rows, arcs)."""
-        efforts = self.efforts(durations.size, scale)
+        efforts = self.efforts(durations.size)
         z, slopes = final_sensitivity(self.ensemble, self.start, efforts, durations, self.step)
-        return self._end_error(z, scale), np.asarray(self.conditions @ slopes / scale)
+        return self._end_error(z), np.asarray(self.conditions @ slopes)
 
-    def _end_error(self, z: Vector, scale: float) -> Vector:
+    def _end_error(self, z: Vector) -> Vector:
         goal = self.start.copy()
-        goal[self.joint] += scale * self.distance
+        goal[self.joint] += self.distance
         r = self.conditions @ z
         r[: len(self.rest_rows)] -= self.rest_rows @ goal
-        return np.asarray(r / scale)
+        return np.asarray(r)

@@ -11,12 +11,12 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from flexslew_control.planners.time_optimal.arcs import final_sensitivity
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_control.planners.time_optimal.linear.linear_time_optimal import (
     Structure,
     linear_optimum,
 )
-from flexslew_control.planners.time_optimal.pontryagin import switching_function
 from flexslew_control.planners.time_optimal.switching import linear
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
@@ -28,6 +28,8 @@ _MAX_RATIO = 3.0  # of the iterates, times the guess
 _END, _SLOPE = 1e-11, 1e-8  # at which the two conditions hold, relative
 _ROUNDING = 1e-12  # of dr/dd, relative: what multipliers of nearly equal conditions make large
 _CLOSE = 1e-6, 1e-3  # the same, near the end
+_FIRST_SWITCHES = np.linspace(0.01, 0.99, 49)  # that are tried, of half the rigid slew
+_NEAR = 1e-3  # last change of a start, of the same
 
 
 class Slopes(Protocol):
@@ -38,29 +40,22 @@ class Slopes(Protocol):
 
 
 def extremal_durations(slew: BangBang) -> Vector | None:
-    """Return the arcs of an extremal, or of the best slew found; None if there is none.
+    """Return the arcs of the slew with the structure of the linear optimum; None if there is none.
+
+    A whole state that is to be insensitive may have none: the joint of a linear plant is as
+    sensitive as its modes. The slew then starts from that with insensitive modes.
 
     Raises:
         PlanFailed: the linear model takes too long.
     """
-    best = None
-    for structure in linear_optimum(slew).structures:
-        start = _coarse_durations(slew, structure)
-        if start is None:  # by exact second derivatives, or there is none near it
-            start = minimum_durations(replace(slew, coarse=True), structure.durations)
-            if start is None:
-                continue
+    structure, found = linear_optimum(slew).structure, None
+    start = None if structure is None else _coarse_durations(slew, structure)
+    if structure is not None and start is not None:
         found = minimum_durations(slew, start, structure.curvature)
-        if found is None:
-            found = minimum_durations(slew, start)
-        if found is not None:
-            if switching_function(slew, found).holds:
-                return found
-            best = found if best is None or found.sum() < best.sum() else best
-    if best is None and slew.robust and slew.insensitive == "state":
+    if found is None and slew.robust and slew.insensitive == "state":
         start = extremal_durations(replace(slew, insensitive="modes"))
-        return None if start is None else minimum_durations(slew, start)
-    return best
+        found = None if start is None else minimum_durations(slew, start)
+    return found
 
 
 class KnownOptimum(NamedTuple):
@@ -84,13 +79,12 @@ def known_optimum(slew: BangBang, duration: float) -> KnownOptimum | None:
         optimum = linear_optimum(slew)
     except PlanFailed:
         return None
-    for structure in optimum.structures:
-        d = _coarse_durations(slew, structure)
-        if d is not None:
-            slopes = replace(slew, coarse=True).residual_jacobian(d)[1]
-            mu = np.linalg.lstsq(slopes.T, np.ones(d.size), rcond=None)[0]
-            estimate = float(d.sum() - mu @ slew.residual(d))
-            return KnownOptimum(estimate, d.size - 1) if estimate < duration else None
+    d = None if optimum.structure is None else _coarse_durations(slew, optimum.structure)
+    if d is not None:
+        slopes = replace(slew, coarse=True).residual_jacobian(d)[1]
+        mu = np.linalg.lstsq(slopes.T, np.ones(d.size), rcond=None)[0]
+        estimate = float(d.sum() - mu @ slew.residual(d))
+        return KnownOptimum(estimate, d.size - 1) if estimate < duration else None
     if linear(slew) and optimum.duration < duration:
         return KnownOptimum(optimum.duration, None)
     return None
@@ -142,6 +136,38 @@ def minimum_durations(
         if d.sum() > _MAX_RATIO * guess.sum():
             return None
     return None
+
+
+def five_switch_durations(slew: BangBang) -> Vector | None:
+    """Return the arcs of the shortest slew with five switches, shape (6,); None if none is found.
+
+    They are taken where no three lead to the goal: near a goal with a rigid slew that hardly
+    excites the mode, the two inner arcs of three switches vanish. The start is antisymmetric about
+    the middle, where the joint must be half way and the mode zero: for a first switch at p these
+    two conditions give the width of the first pulse and the duration.
+
+    Args:
+        slew: what is turned; of one that is to be robust none is looked for.
+    """
+    if slew.robust:
+        return None
+    half, rows = 0.5 * slew.rigid_duration, slew.rest_rows[:2]
+    middle = rows @ slew.start + np.array([0.5 * slew.distance, 0.0])
+    efforts, step = slew.efforts(3), replace(slew, coarse=True).step
+    best = None
+    for p in half * _FIRST_SWITCHES:
+        d = np.array([p, 0.0, half - p])
+        for _ in range(8):
+            x, slopes = final_sensitivity(slew.ensemble, slew.start, efforts, d, step)
+            change = np.linalg.solve(rows @ slopes[:, 1:], middle - rows @ x)
+            if not np.abs(change).max() <= half:
+                break
+            d = d + np.append(0.0, change)
+            if np.abs(change).max() < _NEAR * half:
+                if d.min() > 0.0 and (best is None or d.sum() < best.sum()):
+                    best = d
+                break
+    return None if best is None else minimum_durations(slew, np.concatenate((best, best[::-1])))
 
 
 def nearest_durations(slew: Slopes, guess: Vector) -> Vector | None:

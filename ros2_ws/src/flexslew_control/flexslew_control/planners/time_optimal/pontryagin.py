@@ -1,52 +1,15 @@
 """Whether a bang-bang slew is an extremal: Pontryagin's condition on its switching function."""
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.planners.time_optimal.arcs import (
-    ModelEnsemble,
-    costate_backwards,
-    final_states,
-)
+from flexslew_control.planners.time_optimal.all_drives import AllDrives
+from flexslew_control.planners.time_optimal.arcs import costate_backwards, final_states
+from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.model import Model
 
 _ALLOWED = 1e-5  # wrong-signed part of the switching function, relative to its largest value
-
-
-class ExtremalArcs(Protocol):
-    """A slew as a function of the durations of its arcs: BangBang or AllDrives."""
-
-    @property
-    def model(self) -> Model:
-        """What is turned."""
-
-    @property
-    def start(self) -> Vector:
-        """State at the beginning, shape (2 n,)."""
-
-    @property
-    def step(self) -> float:
-        """Longest integration step [s]."""
-
-    @property
-    def rigid_duration(self) -> float:
-        """Duration of the rigid body's time-optimal slew [s]."""
-
-    @property
-    def ensemble(self) -> ModelEnsemble:
-        """What `arcs` simulates."""
-
-    @property
-    def conditions(self) -> Matrix:
-        """C of the end conditions r = C z - goal."""
-
-    def efforts(self, arcs: int) -> Matrix:
-        """Return the effort of each arc, shape (arcs, joints)."""
-
-    def residual_jacobian(self, durations: Vector) -> tuple[Vector, Matrix]:
-        """Return r and dr/dd."""
 
 
 class Extremality(NamedTuple):
@@ -59,7 +22,7 @@ class Extremality(NamedTuple):
     at: float  # where that is [s]
 
 
-def switching_function(slew: ExtremalArcs, durations: Vector) -> Extremality:
+def switching_function(slew: BangBang | AllDrives, durations: Vector) -> Extremality:
     """Return the switching function of the slew with these arcs.
 
     lambda(t_f) = C^T mu with (dr/dd)^T mu = 1: then H = 1 on every arc, which makes sigma zero at

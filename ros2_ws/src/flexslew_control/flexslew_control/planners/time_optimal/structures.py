@@ -1,27 +1,24 @@
 """Which switches a bang-bang slew has, and what leads to one where none was found."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Literal, TypeAlias
 
 import numpy as np
 
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
-from flexslew_control.planners.time_optimal.optimal_switching import extremal_durations
-from flexslew_control.planners.time_optimal.switching import (
-    continued_durations,
-    minimum_switch_durations,
+from flexslew_control.planners.time_optimal.optimal_switching import (
+    extremal_durations,
+    five_switch_durations,
 )
+from flexslew_control.planners.time_optimal.switching import continued_durations
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import PlanFailed
 
 Structure: TypeAlias = Literal["fewest", "asymmetric", "optimal"]
-_AMPLITUDE_RATIOS = (
-    0.9,
-    0.75,
-    0.6,
-    0.45,
-    0.3,
-)  # of the amplitude, tried where the whole leads to no slew
+# of the amplitude, tried where the whole leads to no slew
+_AMPLITUDE_RATIOS = (0.9, 0.75, 0.6, 0.45, 0.3)
 _MODES_LEAD = "insensitive: modes leads to one"
 
 
@@ -56,15 +53,12 @@ def found_durations(slew: BangBang, structure: Structure = "fewest") -> Vector:
     """
     if not len(slew.combinations):  # a rigid body
         return np.full(2, 0.5 * slew.rigid_duration)
-    if not closed_form(slew):
-        methods = [extremal_durations]
-    elif structure == "optimal":
-        methods = [extremal_durations, minimum_switch_durations, _asymmetric]
-    elif structure == "asymmetric":
-        methods = [_asymmetric, minimum_switch_durations, extremal_durations]
-    else:
-        methods = [minimum_switch_durations, _asymmetric, extremal_durations]
-    for finder in methods:
+    finders: list[Callable[[BangBang], Vector | None]] = []
+    if closed_form(slew):
+        fewest = partial(continued_durations, antisymmetric=structure != "asymmetric")
+        finders = [fewest, five_switch_durations]
+    finders.insert(0 if structure == "optimal" else len(finders), extremal_durations)
+    for finder in finders:
         try:
             durations = finder(slew)
         except PlanFailed:  # of this kind; another may be found
@@ -81,10 +75,6 @@ def closed_form(slew: BangBang) -> bool:
     """Return whether slews with few switches are known of the linear model."""
     with_feedback = slew.robust and not slew.open_loop
     return len(slew.combinations) == 1 and slew.insensitive == "modes" and not with_feedback
-
-
-def _asymmetric(slew: BangBang) -> Vector | None:
-    return continued_durations(slew, antisymmetric=False)
 
 
 def _feasible_for_modes(slew: BangBang, structure: Structure) -> bool:

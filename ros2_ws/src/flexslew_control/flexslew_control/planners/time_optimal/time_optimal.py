@@ -7,10 +7,10 @@ from pydantic import Field
 
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.attitude_goal import Goal
+from flexslew_control.planners.checks.rest_at_goal import require_rest
 from flexslew_control.planners.entry import PlannerEntry, Variant
 from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.rest_at_goal import require_rest
-from flexslew_control.planners.slew import Feedback, Slew, tick_times
+from flexslew_control.planners.slew import Feedback, Slew, plan_on_ticks, tick_times
 from flexslew_control.planners.slewing import SlewPlanner
 from flexslew_control.planners.time_optimal.all_drives import AllDrives, time_optimal_slew
 from flexslew_control.planners.time_optimal.bang_bang import BangBang, Insensitive
@@ -20,7 +20,7 @@ from flexslew_control.planners.time_optimal.optimality import (
     joint_sensitivity,
     statement,
 )
-from flexslew_control.planners.time_optimal.pontryagin import ExtremalArcs, switching_function
+from flexslew_control.planners.time_optimal.pontryagin import switching_function
 from flexslew_control.planners.time_optimal.structures import Structure, require_durations
 from flexslew_control.planners.time_optimal.three_axes.three_axes import plan_three_axes
 from flexslew_control.planners.trajectories import rigid_duration
@@ -116,18 +116,8 @@ def plan_time_optimal(settings: TimeOptimal, requested: Slew, progress: Progress
     }
     if isinstance(slew, BangBang):
         summary["joint_sensitivity"] = joint_sensitivity(slew, durations)
-    return Plan(
-        method=settings.method,
-        joint_names=slew.model.joint_names,
-        start=settings.start,
-        period=requested.period,
-        position=state[:, :m].copy(),
-        velocity=state[:, n : n + m].copy(),
-        effort=effort,
-        state=state,
-        duration=duration,
-        summary=summary,
-    )
+    reference = state[:, :m].copy(), state[:, n : n + m].copy()
+    return plan_on_ticks(settings, requested, reference, effort, summary, state)
 
 
 def _in_three_axes(settings: TimeOptimal, requested: Slew, progress: Progress) -> Plan:
@@ -226,7 +216,7 @@ def _effort_share(settings: TimeOptimal) -> float:
     return 1.0 - RESERVE if of_feedback else 1.0
 
 
-def on_ticks(slew: ExtremalArcs, durations: Vector, ticks: Vector) -> tuple[Matrix, Matrix]:
+def on_ticks(slew: BangBang | AllDrives, durations: Vector, ticks: Vector) -> tuple[Matrix, Matrix]:
     """Return the states at the ticks and the mean effort of every tick.
 
     Args:

@@ -1,14 +1,11 @@
 """The pages of studies: one HTML file with everything in it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import plotly.graph_objects as go
-
-from flexslew_lab.report.page import render
-from flexslew_lab.report.tables import Table, tables_page
+from flexslew_lab.report.sections import Section, Table, Text, page_of_sections
 from flexslew_lab.short_values import short
 from flexslew_lab.studies.findings import figures
 from flexslew_lab.studies.findings.tables import (
@@ -24,45 +21,145 @@ from flexslew_plant.counted import count_text
 
 _MAX_FIGURES = 3  # metrics with figures of their own, where no criterion names any
 _FIRST = ("residual_tip_deflection", "residual_attitude_error", "settling_time")
+_digits = partial(short, digits=3)
 
 
 def study_page(study: Study, store: Store, found: dict[str, Any]) -> str:
     """Return the page of one study: its criteria, its results, its worst trials."""
-    names = [n for n in study.settings.criteria if n in found["metrics"]]
-    names = list(dict.fromkeys([*names, *(n for n in _FIRST if n in found["metrics"])]))[
-        :_MAX_FIGURES
-    ]
-    other_figures = []
-    for name in names:
-        each = figures.columns(study, store, name)
-        unit = found["metrics"][name]["unit"]
-        other_figures.append(
-            {
-                "name": name,
-                "distribution": _html(figures.distribution(study, store, name, unit, each)),
-                "scatter": _html(figures.scatter(study, store, name, unit)),
-                "maps": [_html(m) for m in figures.maps(study, store, name, unit)],
-            }
-        )
-    return render(
-        "study.html.j2",
-        found=found,
-        missing=missing_words(found),
-        title=study.settings.study,
-        file=study.source,
-        folder=str(store.folder),
-        trial=study.trial_source,
-        tables=metric_tables(found),
-        pairs=pair_rows(found),
-        quantiles=QUANTILE_NAMES,
-        drawn=other_figures,
-        worst=_worst(store, found, names),
-        sensitivity=[
-            (line, _html(figures.sensitivity(line)) if line["indices"] else "")
-            for line in found["sensitivity"]
-        ],
-        short=partial(short, digits=3),
+    sampling = found["sampling"]
+    description = (
+        f"{found['trials']} of {found['planned']} trials, {found['failed']} failed · "
+        f"{sampling['method']} · bounds from: {sampling['bounds']} · {study.source}, "
+        f"{study.trial_source}"
     )
+    sections = _study_sections(study, store, found)
+    return page_of_sections("study", study.settings.study, description, sections)
+
+
+def _study_sections(study: Study, store: Store, found: dict[str, Any]) -> Iterator[Section]:
+    """Yield the sections of the page of one study."""
+    yield Text("Incomplete", missing_words(found), "bad")
+    damaged = (
+        f"{', '.join(found['damaged'])}: not as written. Their trials are not counted here, and "
+        "the next run of the study flies them again."
+    )
+    yield Text("Damaged parts", damaged if found["damaged"] else "", "bad")
+    words = "They count as worse than any number, and as breaking every criterion."
+    yield Table("Failed trials", words, (), list(found["reasons"].items()))
+    yield _criteria(found)
+    yield from _metrics(found)
+    yield _pairs(found)
+    names = _shown(study, found["metrics"])
+    for name in names:
+        unit = found["metrics"][name]["unit"]
+        each = figures.columns(study, store, name)
+        yield figures.distribution(study, store, name, unit, each)
+        yield figures.scatter(study, store, name, unit)
+        yield from figures.maps(study, store, name, unit)
+    for line in found["sensitivity"]:
+        if line["indices"]:
+            yield figures.sensitivity(line)
+        else:
+            reason = f"No Sobol indices: {line['why_not']}."
+            yield Text(figures.sensitivity_title(line), reason)
+    worst = [
+        (name, entry["index"], _worst_value(entry),
+         f"./flexslew study fly {store.folder} {entry['index']}")
+        for name in names
+        for entry in found["metrics"][name]["worst"]
+    ]  # fmt: skip
+    yield Table("Worst trials", "", ("metric", "trial", "value", "fly it again"), worst)
+    yield from _execution(found)
+
+
+def _shown(study: Study, metrics: Sequence[str] | dict[str, Any]) -> list[str]:
+    """Return the metrics with figures: those of criteria, then the usual ones."""
+    names = dict.fromkeys([*study.settings.criteria, *_FIRST])
+    return [name for name in names if name in metrics][:_MAX_FIGURES]
+
+
+def _criteria(found: dict[str, Any]) -> Table:
+    rows, units = [], {name: metric["unit"] for name, metric in found["metrics"].items()}
+    for row in found["criteria"]:
+        side, limit = ("<", row["below"]) if row["below"] is not None else (">", row["above"])
+        numbers = (row[key] for key in ("estimate", "lower_bound", "upper_bound", "confidence"))
+        rows.append(
+            (
+                f"{row['metric']} {side} {_digits(limit)} {units[row['metric']]}",
+                row["variant"],
+                row["verdict"],
+                f"{row['successes']} of {row['trials']}",
+                *map(_digits, numbers),
+                "all" if row["probability"] is None else row["probability"],
+                _digits(row["needed"]),
+            )
+        )
+    words = (
+        "Passed: shown at the confidence that was asked for. Refuted: the opposite is. Undecided: "
+        "these trials show neither."
+    )
+    columns = ("metric", "variant", "", "kept to", "estimate", "at least", "at most", "each at",
+               "required", "trials that this many failures need")  # fmt: skip
+    return Table("Criteria", words, columns, rows)
+
+
+def _metrics(found: dict[str, Any]) -> Iterator[Table]:
+    tables = metric_tables(found)
+    all_variants = ", of all variants at once" if len(tables) > 1 else ""
+    words = f"In brackets: bounds at 90 %{all_variants}."
+    if found["sampling"]["bounds"] == "none":
+        words = "This sampling gives no bounds."
+    words += (
+        " Missing: trials that have no such number. Metrics that are 0 in every trial are left out."
+    )
+    columns = ("metric", "unit", "mean", *QUANTILE_NAMES, "failed", "missing")
+    for label, rows in tables.items():
+        cells = [(*r[:3], *r.quantiles, r.failed or "", r.missing or "") for r in rows]
+        yield Table(f"Metrics: {label}" if label else "Metrics", words, columns, cells)
+        words = ""
+
+
+def _pairs(found: dict[str, Any]) -> Table:
+    rows = pair_rows(found)
+    against = found["paired"][0]["against"] if rows else ""
+    bounds = found["sampling"]["bounds"]
+    words = (
+        f"Each variant minus {against}, trial by trial on the same samples with the same noise; a "
+        "failure counts as the worse of its pair. "
+        + ("In brackets: bounds at 90 %, of all variants at once. " if bounds != "none" else "")
+        + "Smaller or larger where a sign test shows it at 90 % for all variants of a metric at "
+        "once: it assumes that pairs are independent"
+        + (
+            ", or, from replicates, that their mean signs are spread like a normal distribution"
+            if bounds != "independent samples"
+            else ""
+        )
+        + ", and nothing of how differences are spread."
+    )
+    columns = ("metric", "variant", "is", "smaller / larger in", "mean difference",
+               "median difference", "p", "pairs")  # fmt: skip
+    return Table("Paired differences", words, columns, rows)
+
+
+def _execution(found: dict[str, Any]) -> Iterator[Text]:
+    words = [f"{count} trials by {way}." for way, count in found["ways"].items()]
+    if found["wall_time"]:
+        rate = _digits(found["trials_per_second"])
+        words.append(f"{_digits(found['wall_time'])} s of wall time, {rate} trials/s.")
+    if stopped := found["stopped"]:
+        words.append(
+            f"Stopped after {stopped['samples']} samples: {_digits(stopped['quantile'] * 100)} % "
+            f"of {stopped['metric']} are known to ± {_digits(stopped['half_width'])} at "
+            f"{_digits(stopped['confidence'] * 100)} %."
+        )
+    yield Text("How it was flown", " ".join([*words, f"Table: {found['table']}"]))
+    if check := found["check"]:
+        verdict = (
+            f"{check['trials']} trials of the batches flown again by the ordinary bench: largest "
+            f"difference {_digits(check['largest'])} ({check['metric']}, trial {check['index']}), "
+            f"allowed {_digits(check['tolerance'])}."
+        )
+        yield Text("Check of the batches", verdict, "good" if check["ok"] else "bad")
 
 
 def names_of(opened: Sequence[tuple[Study, Store]]) -> list[str]:
@@ -79,17 +176,6 @@ def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any
     """Return the page of two studies side by side."""
     studies = names_of(opened)
     common = [n for n in found[0]["metrics"] if n in found[1]["metrics"] and "." not in n]
-    requested = [n for n in opened[0][0].settings.criteria if n in common]
-    names = list(dict.fromkeys([*requested, *(n for n in _FIRST if n in common)]))[:_MAX_FIGURES]
-    other_figures = []
-    for name in names:
-        each = {
-            ", ".join(filter(None, (called, label))): values
-            for called, (study, store) in zip(studies, opened, strict=True)
-            for label, values in figures.columns(study, store, name).items()
-        }
-        unit = found[0]["metrics"][name]["unit"]
-        other_figures.append((name, _html(figures.distribution_figure(each, name, unit))))
     row_by_name = [{row.name: row for row in total_rows(one)} for one in found]
     rows = [
         (
@@ -104,10 +190,10 @@ def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any
     criteria = [
         (
             called,
-            str(row["metric"]),
-            str(row["variant"] or ""),
+            row["metric"],
+            row["variant"] or "",
             f"{row['successes']} of {row['trials']}",
-            short(row["lower_bound"], digits=3),
+            _digits(row["lower_bound"]),
             row["verdict"],
         )
         for called, one in zip(studies, found, strict=True)
@@ -120,31 +206,18 @@ def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any
         f"{one['sampling']['method']}"
         for called, one in zip(studies, found, strict=True)
     )
-    tables = (
+    sections: list[Section] = [
         Table("Metrics", "", ("metric", *means, *quantiles), rows),
         Table("Criteria", "", header, criteria),
-    )
-    return tables_page(
-        "study", " and ".join(studies), description, tables, other_figures=other_figures
-    )
-
-
-def _html(figure: go.Figure) -> str:
-    return str(figure.to_html(full_html=False, include_plotlyjs=False))
-
-
-def _worst(store: Store, found: dict[str, Any], names: list[str]) -> list[dict[str, Any]]:
-    """Return the worst trials of the shown metrics with the command that flies them again."""
-    return [
-        {
-            "metric": name,
-            "index": entry["index"],
-            "value": _worst_value(entry),
-            "command": f"./flexslew study fly {store.folder} {entry['index']}",
-        }
-        for name in names
-        for entry in found["metrics"][name]["worst"]
     ]
+    for name in _shown(opened[0][0], common):
+        each = {
+            ", ".join(filter(None, (called, label))): values
+            for called, (study, store) in zip(studies, opened, strict=True)
+            for label, values in figures.columns(study, store, name).items()
+        }
+        sections.append(figures.distributions(each, name, found[0]["metrics"][name]["unit"]))
+    return page_of_sections("study", " and ".join(studies), description, sections)
 
 
 def _worst_value(entry: dict[str, Any]) -> str:

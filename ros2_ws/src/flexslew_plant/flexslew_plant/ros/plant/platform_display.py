@@ -14,7 +14,7 @@ from flexslew_plant.graph import topics
 from flexslew_plant.ros.outlets import DirectPublishers
 from flexslew_plant.ros.template import Template
 from flexslew_plant.testbeds import Testbed
-from flexslew_plant.testbeds.floating import CanFloat, Floating
+from flexslew_plant.testbeds.contract import CanFloat, Floating
 
 _NOT_GIVEN = [-1.0, *[0.0] * 8]  # covariance for "not measured" (sensor_msgs/Imu)
 

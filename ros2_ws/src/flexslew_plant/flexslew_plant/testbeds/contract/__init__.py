@@ -3,6 +3,8 @@
 from flexslew_plant.testbeds.contract.clamped import Clamped as Clamped
 from flexslew_plant.testbeds.contract.clamped import HasClampedAppendages as HasClampedAppendages
 from flexslew_plant.testbeds.contract.doubts import HasDoubts as HasDoubts
+from flexslew_plant.testbeds.contract.floating import CanFloat as CanFloat
+from flexslew_plant.testbeds.contract.floating import Floating as Floating
 from flexslew_plant.testbeds.contract.pointing import HasLinesOfSight as HasLinesOfSight
 from flexslew_plant.testbeds.contract.pointing import HingeTurn as HingeTurn
 from flexslew_plant.testbeds.contract.pointing import LineOfSight as LineOfSight

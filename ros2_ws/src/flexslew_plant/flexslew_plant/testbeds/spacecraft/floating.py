@@ -1,7 +1,7 @@
 """How the platform of a spacecraft floats, read from the layout of its state."""
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.testbeds.floating import Floating, PlatformMotion, Wrench
+from flexslew_plant.testbeds.contract.floating import Floating, PlatformMotion, Wrench
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at

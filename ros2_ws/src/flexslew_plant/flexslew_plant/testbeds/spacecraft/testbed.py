@@ -20,6 +20,7 @@ from flexslew_plant.testbeds.attitude import attitude_joints
 from flexslew_plant.testbeds.contract import (
     Clamped,
     DriveMap,
+    Floating,
     HingeTurn,
     LineOfSight,
     Motions,
@@ -29,7 +30,6 @@ from flexslew_plant.testbeds.contract import (
     UnitSizes,
 )
 from flexslew_plant.testbeds.entry import TestbedEntry
-from flexslew_plant.testbeds.floating import Floating
 from flexslew_plant.testbeds.instruments import ResolverSettings
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
@@ -407,7 +407,7 @@ class SpacecraftTestbed:
         return new_target_keys(self.appendages, requested, at)
 
     def floating(self) -> Floating | None:
-        """Return how a free platform moves; see floating.CanFloat."""
+        """Return how a free platform moves; see contract.CanFloat."""
         return floating(self.craft, self.model())
 
     def scene(self) -> Scene:

@@ -45,7 +45,7 @@ class ImpulseResponses:
         return np.asarray(total)
 
     @np.errstate(divide="ignore", invalid="ignore")  # of a function that is nothing
-    def zeros(self, mu: Vector, duration: float, tolerance: float = 0.0) -> Vector:
+    def zeros(self, mu: Vector, duration: float) -> Vector:
         """Return where mu . c changes its sign before tau = duration, rising [s].
 
         That can be twice in one interval, on either side of an extremum.
@@ -53,7 +53,6 @@ class ImpulseResponses:
         Args:
             mu: multipliers, shape (conditions,).
             duration: T [s].
-            tolerance: extrema so near to zero, relative to the largest, count as beyond it.
         """
         samples = self.values[: int(duration / self.step) + 2] @ mu  # mu . c and its derivatives
         f, h = samples[:-1], self.step
@@ -63,14 +62,13 @@ class ImpulseResponses:
         top = -h * f[extrema, 1] / (samples[extrema + 1, 1] - f[extrema, 1])
         for _ in range(2):
             top = np.clip(top - _series(f[extrema], top, 1) / _series(f[extrema], top, 2), 0.0, h)
-        near = tolerance * float(np.abs(samples[:, 0]).max())
-        height = np.where(signs[extrema], -1.0, 1.0) * _series(f[extrema], top) - near
+        height = np.where(signs[extrema], -1.0, 1.0) * _series(f[extrema], top)
         extrema, top, height = extrema[height < 0.0], top[height < 0.0], height[height < 0.0]
         half_width = np.sqrt(2.0 * np.abs(height / _series(f[extrema], top, 2)))
         k = np.concatenate((once, extrema, extrema))
         linear_root = -h * f[once, 0] / (samples[once + 1, 0] - f[once, 0])
         shift = np.concatenate((linear_root, top - half_width, top + half_width))
-        for _ in range(4 if tolerance == 0.0 else 0):
+        for _ in range(4):
             shift = np.clip(shift - _series(f[k], shift) / _series(f[k], shift, 1), 0.0, h)
         tau = np.sort(h * k + shift)
         return np.asarray(tau[tau < duration])

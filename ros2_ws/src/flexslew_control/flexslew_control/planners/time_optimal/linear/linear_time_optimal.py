@@ -35,12 +35,6 @@ _CELLS = 300, 3000  # of them, at least and at most
 _RANK_TOLERANCE = 1e-12  # of the conditions' largest singular value
 _WIDTHS = 0.01, 3e-3, 1e-3, 3e-4, 1e-4  # of the smoothing, relative to the mean of |mu . c|
 _ITERATIONS, _DURATIONS = 10, 20
-_ZERO_TOLERANCES = (
-    1e-4,
-    1e-3,
-    3e-3,
-    1e-2,
-)  # of the largest |mu . c|, where short arcs may be missed
 _CONDITION_RANGE = 1e3, 1e11  # condition of c, from which to which its rows are combined
 
 
@@ -55,7 +49,7 @@ class LinearOptimum(NamedTuple):
     """What is known of the fastest slew of the linear model."""
 
     duration: float  # no slew of the linear model is shorter [s]
-    structures: list[Structure]  # the likeliest first; others have short arcs that it may lack
+    structure: Structure | None  # None: an arc of no length
 
 
 def linear_optimum(slew: BangBang) -> LinearOptimum:
@@ -100,8 +94,7 @@ def linear_optimum(slew: BangBang) -> LinearOptimum:
     )
     if grid.at(np.array([duration]))[0] @ mu < 0.0:
         raise PlanFailed("the fastest slew of the linear model starts backwards")
-    found = [_structure(grid, mu, duration, tolerance) for tolerance in (0.0, *_ZERO_TOLERANCES)]
-    return LinearOptimum(duration, [arcs for arcs in found if arcs is not None])
+    return LinearOptimum(duration, _structure(grid, mu, duration))
 
 
 def _least_duration(
@@ -159,11 +152,9 @@ def _linear_solution(
     return float(first @ found.x * scale[0] / goal), np.append(1.0, scale[0] * y) / goal
 
 
-def _structure(
-    grid: ImpulseResponses, mu: Vector, duration: float, tolerance: float
-) -> Structure | None:
-    """Return the arcs of the effort sign(mu . c); None if they end with the wrong sign."""
-    zeros = grid.zeros(mu, duration, tolerance)
+def _structure(grid: ImpulseResponses, mu: Vector, duration: float) -> Structure | None:
+    """Return the arcs of the effort sign(mu . c); None if one has no length."""
+    zeros = grid.zeros(mu, duration)
     edges = np.concatenate(([0.0], zeros, [duration]))[::-1]
     first = float(grid.at(edges[:1])[0] @ mu)
     # a duration moves every edge before its end; by the edges the second derivatives are diagonal

@@ -12,10 +12,7 @@ import numpy as np
 
 from flexslew_control.planners.progress import Progress, Update
 from flexslew_control.planners.time_optimal.all_drives import structure_of
-from flexslew_control.planners.time_optimal.optimal_switching import (
-    minimum_durations,
-    nearest_durations,
-)
+from flexslew_control.planners.time_optimal.optimal_switching import minimum_durations
 from flexslew_control.planners.time_optimal.three_axes.reorientation import Arcs, Reorientation
 from flexslew_control.planners.time_optimal.three_axes.sequential_programs import (
     LocalOptimum,
@@ -30,8 +27,7 @@ _STARTS, _SEED = 6, 1
 STEPS = 40  # of the programs
 _START_OFFSET = 0.7  # how far starts are from the eigenaxis, of the amplitude
 _LEVELS = 6  # of their efforts
-_SAME = 1e-4  # relative difference of durations of one slew
-_MAX_EXACT, _MOST_ARCS = 2, 14  # slews with arcs made exact, and the most arcs of one
+_MOST_ARCS = 14  # of a slew with arcs made exact
 _TOLERANCE = 1e-6  # share of the end conditions that may be missed
 _REST_TOLERANCE, _FIXED_REST_TOLERANCE = (
     1e3 * _TOLERANCE,
@@ -64,14 +60,12 @@ def minimum_time_rigid(slew: Reorientation, progress: Progress) -> MinimumTimeSl
         PlanFailed: none leads to one.
     """
     found = from_starts(slew, progress)
-    near = [one for one in found if one.duration < (1.0 + _SAME) * found[0].duration]
-    for local in near[:_MAX_EXACT]:
-        exact = _exact(slew, local)
-        if exact is not None:
-            efforts = exact[0] * slew.amplitude
-            wrong = _violation(slew, efforts, exact[1])
-            return MinimumTimeSlew(efforts, exact[1], True, wrong, len(found))
-    return equal_pieces_slew(slew, found[0], len(found))
+    exact = _exact(slew, found[0])
+    if exact is None:
+        return equal_pieces_slew(slew, found[0], len(found))
+    efforts = exact[0] * slew.amplitude
+    wrong = _violation(slew, efforts, exact[1])
+    return MinimumTimeSlew(efforts, exact[1], True, wrong, len(found))
 
 
 class Start(NamedTuple):
@@ -145,8 +139,7 @@ def _exact(slew: Reorientation, local: LocalOptimum) -> tuple[Matrix, Vector] | 
         durations = minimum_durations(Arcs(slew, other), other_guess)
         if durations is not None:
             return other, durations
-    durations = nearest_durations(Arcs(slew, signs), guess)
-    return None if durations is None else (signs, durations)
+    return None
 
 
 def minimum_time_with_modes(slew: Reorientation, rigid: MinimumTimeSlew) -> MinimumTimeSlew:

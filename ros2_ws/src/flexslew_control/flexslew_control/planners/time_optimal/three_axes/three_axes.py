@@ -13,7 +13,7 @@ import numpy as np
 
 from flexslew_control.plan import Plan
 from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.slew import Slew, tick_times
+from flexslew_control.planners.slew import Slew, plan_on_ticks, tick_times
 from flexslew_control.planners.time_optimal.three_axes.fastest_turns import (
     MinimumTimeSlew,
     means,
@@ -103,18 +103,7 @@ def plan_three_axes(
         "optimality": _statement(best),
         "predicted_residual_tip_deflection": _tip_amplitude(slew, states[-1]),
     }
-    return Plan(
-        method=settings.method,
-        joint_names=requested.model.joint_names,
-        start=settings.start,
-        period=requested.period,
-        position=position,
-        velocity=velocity,
-        effort=effort,
-        state=np.zeros((len(position), 0)),
-        duration=duration,
-        summary=summary,
-    )
+    return plan_on_ticks(settings, requested, (position, velocity), effort, summary)
 
 
 def _ends(slew: Reorientation) -> tuple[Vector, Vector, Vector]:

@@ -13,8 +13,8 @@ from tests.representatives import representatives
 from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.planners import make_plan, plan_settings
-from flexslew_control.planners.one_way import require_one_way
-from flexslew_control.planners.whole_bench import simulate_on_bench
+from flexslew_control.planners.checks.one_way import require_one_way
+from flexslew_control.planners.residual.whole_bench import simulate_on_bench
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import Testbed, read_testbed
 

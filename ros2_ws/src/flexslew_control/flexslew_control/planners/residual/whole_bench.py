@@ -11,10 +11,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_control.controllers import PD_FEEDFORWARD, build_controller
+from flexslew_control.known_motion import ATTITUDE_ERROR, PREDICTED
 from flexslew_control.law import ActiveLaw, PlantDescription, per_joint
 from flexslew_control.plan import Plan, with_warning
-from flexslew_control.planners.motors import Matrices, at_once, motor_step
-from flexslew_control.planners.prediction import MAX_MONITOR_TICKS, MIN_MONITOR_TIME, Prediction
+from flexslew_control.planners.residual.motors import Matrices, at_once, motor_step
+from flexslew_control.planners.residual.prediction import (
+    MAX_MONITOR_TICKS,
+    MIN_MONITOR_TIME,
+    Prediction,
+)
 from flexslew_control.planners.slew import Feedback, Slew
 from flexslew_plant.arrays import Vector, read_only
 from flexslew_plant.errors import BadInput
@@ -38,7 +43,7 @@ class Better(NamedTuple):
 
 def as_predicted(plan: Plan, bench: Prediction) -> bool:
     """Return whether a plan leaves the bench as still as it has been promised so far."""
-    on_model = float(plan.summary["predicted_residual_tip_deflection"])
+    on_model = float(plan.summary[PREDICTED])
     return bench.tip_deflection <= (1.0 + _ALLOWED) * on_model + TIP_FLOOR
 
 
@@ -58,24 +63,34 @@ def with_bench_residual(
         better: what would leave less; None: no plan that was tried.
         hint: in words, where there is none.
     """
-    on_model = plan.summary["predicted_residual_tip_deflection"]
-    errors = dict(zip(plant.joint_names, bench.attitude_error.tolist(), strict=True))
-    summary = {
-        **plan.summary,
-        "predicted_residual_tip_deflection": bench.tip_deflection,
-        "predicted_residual_attitude_error": errors,
-        "residual_tip_deflection_on_model": on_model,
-    }
-    if not as_predicted(plan, bench):
-        if better is not None:
-            left = better.prediction.tip_deflection
-            hint = f"model: {{modes: {better.modes}}} leaves {left:.3g} m"
-        words = (
-            f"on the whole bench it leaves {bench.tip_deflection:.3g} m at the tips, on the model "
-            f"that it is made on {on_model:.3g} m; {hint}"
-        )
-        return with_warning(replace(plan, summary=summary), words)
-    return replace(plan, summary=summary)
+    on_model = plan.summary[PREDICTED]
+    if better is not None:
+        left = better.prediction.tip_deflection
+        hint = f"model: {{modes: {better.modes}}} leaves {left:.3g} m"
+    words = (
+        f"on the whole bench it leaves {bench.tip_deflection:.3g} m at the tips, on the model "
+        f"that it is made on {on_model:.3g} m; {hint}"
+    )
+    return _with_residual(plan, plant, bench, "residual_tip_deflection_on_model", words)
+
+
+def _with_residual(
+    plan: Plan, plant: PlantDescription, found: Prediction, key: str, words: str
+) -> Plan:
+    """Return the plan with its residual, and with a warning if that is more than before.
+
+    Args:
+        plan: with the residual that was predicted so far.
+        plant: what stands on the bench.
+        found: the residual.
+        key: of the summary, for the residual that was predicted so far.
+        words: of the warning.
+    """
+    errors = dict(zip(plant.joint_names, found.attitude_error.tolist(), strict=True))
+    values: dict[str, Any] = {PREDICTED: found.tip_deflection, ATTITUDE_ERROR: errors}
+    values[key] = plan.summary[PREDICTED]
+    changed = replace(plan, summary={**plan.summary, **values})
+    return changed if as_predicted(plan, found) else with_warning(changed, words)
 
 
 def without_simulation(plan: Plan) -> Plan:
@@ -96,21 +111,11 @@ def with_law_residual(
         law: that flies it.
         hint: what would leave less, after a semicolon; empty: nothing that was tried.
     """
-    by_joints = plan.summary["predicted_residual_tip_deflection"]
-    errors = dict(zip(plant.joint_names, found.attitude_error.tolist(), strict=True))
-    summary = {
-        **plan.summary,
-        "predicted_residual_tip_deflection": found.tip_deflection,
-        "predicted_residual_attitude_error": errors,
-        "residual_tip_deflection_by_joint_feedback": by_joints,
-    }
-    if not as_predicted(plan, found):
-        return with_warning(
-            replace(plan, summary=summary),
-            f"flown by {law.law} it leaves {found.tip_deflection:.3g} m at the tips, by the joint "
-            f"feedback that the planner counts with {by_joints:.3g} m{hint}",
-        )
-    return replace(plan, summary=summary)
+    words = (
+        f"flown by {law.law} it leaves {found.tip_deflection:.3g} m at the tips, by the joint "
+        f"feedback that the planner counts with {plan.summary[PREDICTED]:.3g} m{hint}"
+    )
+    return _with_residual(plan, plant, found, "residual_tip_deflection_by_joint_feedback", words)
 
 
 def is_joint_feedback(law: ActiveLaw, slew: Slew) -> bool:

@@ -9,10 +9,10 @@ from numba import types
 from numpy.typing import NDArray
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.motors import Matrices, at_once, matrices, motor_step
+from flexslew_control.planners.residual.motors import Matrices, matrices, motor_step
 from flexslew_control.planners.slew import Slew
 from flexslew_plant.arrays import Matrix, Vector, compiled, put
-from flexslew_plant.testbeds import Model, initial_state
+from flexslew_plant.testbeds import initial_state
 from flexslew_plant.testbeds.compiled.bound import ADVANCE
 
 MIN_MONITOR_TIME = 40.0  # after the end of the plan, at least [s]
@@ -106,38 +106,6 @@ def motion_warning(from_rest: Prediction, in_motion: Prediction) -> str:
         "m "
         "from rest; damp the swing first, by the law or by a later start"
     )
-
-
-def open_loop(model: Model, start: Vector, effort: Matrix, period: float) -> Matrix:
-    """Return the states at the ticks of a flight with given efforts alone.
-
-    Args:
-        model: equations of motion.
-        start: state [q, v].
-        effort: held over every tick, shape (ticks, efforts) [N m or N].
-        period: one tick [s].
-
-    Returns:
-        shape (ticks + 1, size of a state).
-    """
-    zeros, none = np.zeros_like(effort), np.zeros(effort.shape[1])
-    states: Matrix = _kernel()(
-        model.integrate,
-        model.packed,
-        start,
-        zeros,
-        zeros,
-        effort,
-        none,
-        none,
-        none + np.inf,
-        at_once(none.size),
-        period,
-        1,
-        model.coordinates,
-        model.before_modes,
-    )
-    return states
 
 
 @lru_cache

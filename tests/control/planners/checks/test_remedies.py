@@ -8,7 +8,7 @@ from tests.plants import plant
 from tests.present import present
 
 from flexslew_control.planners import plan_settings
-from flexslew_control.planners.remedies import suggest_duration
+from flexslew_control.planners.checks.remedies import suggest_duration
 from flexslew_control.planners.slew import ExcessTorque, Slew, slew_of
 from flexslew_plant.errors import PlanFailed
 

@@ -1,12 +1,11 @@
 """Whether a plan begins where the joints of the bench are."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from flexslew_control.law import PlantDescription
-from flexslew_control.plan import Plan
+from flexslew_control.plan import Plan, with_warning
 from flexslew_plant.testbeds import initial_positions
 
 _SAME = 1e-6  # rounding of a position, and of a rate [rad or m], [rad/s or m/s]
@@ -45,6 +44,4 @@ def with_jump(plan: Plan, plant: PlantDescription, initial: Mapping[str, float])
         f"the reference jumps at {plan.start:g} s: {', '.join(offsets)}; begin the plan where the "
         "joints are, at rest, or set testbed.initial"
     )
-    previous = plan.summary.get("warning")
-    warning = f"{previous}; {words}" if previous else words
-    return replace(plan, summary={**plan.summary, "warning": warning})
+    return with_warning(plan, words)

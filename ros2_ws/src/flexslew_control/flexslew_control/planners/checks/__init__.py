@@ -1,0 +1,1 @@
+"""Checks of slews and plans, and the remedies that a refusal names."""
