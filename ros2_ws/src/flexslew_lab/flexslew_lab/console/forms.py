@@ -180,6 +180,7 @@ class Form:
                 if sliders and scaled(key.text, 0.0) is not None:
                     self._sliders.append(_slider(context, element, key.text))
                 self._errors[key.name] = gui.html(visible=False)
+                element.changed.append(lambda _, name=key.name: self._show_message(name, ""))
 
     def changed(self) -> dict[str, Any] | None:
         """Return the values of the fields that differ from the start, or None if one is wrong."""
@@ -232,7 +233,7 @@ class Form:
         if error.visible != bool(words):
             error.visible = bool(words)
         if words:
-            error.content = line(words, "alert", "#b00020")
+            error.content = line(words, "alert")
 
 
 def scaled(text: str, power: float) -> str | None:
