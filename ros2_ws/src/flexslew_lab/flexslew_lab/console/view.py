@@ -14,7 +14,6 @@ from flexslew_lab.log.bag_columns import blocks_of
 from flexslew_lab.log.files.mcap_scan import RawMessage
 from flexslew_lab.log.joints_flown import joints_and_modes
 from flexslew_lab.log.messages import cdr
-from flexslew_lab.log.messages.cdr_layout import Layout
 from flexslew_lab.log.messages.logged_event import logged_event
 from flexslew_lab.log.messages.record_schema import RECORDS, check_record
 from flexslew_plant.arrays import Vector
@@ -102,7 +101,6 @@ class BenchView:
         self.position: Vector = np.zeros(0)  # the coordinates now; empty before the first tick
         self.time = 0.0  # simulated [s]
         self.answering = ""  # controller of the last answer
-        self._layouts: dict[tuple[str, int], list[Layout]] = {}
 
     def take(self, name: str, kind: str, data: Sequence[bytes]) -> None:
         """Take messages of one topic in their order.
@@ -148,7 +146,7 @@ class BenchView:
         raw = [RawMessage(0, 0, 0, one) for one in data]
         tracks = {topics.TRUTH: self.truth, topics.CONTROLLER_STATE: self.controller_state}
         track = tracks.get(name, self.measured)
-        for block in blocks_of(name, kind, raw, self._layouts):
+        for block in blocks_of(name, kind, raw):
             columns = block.columns
             time = columns["header.stamp.sec"] + columns["header.stamp.nanosec"] * 1e-9
             last = track.time[-1] if track.time.size else np.nan

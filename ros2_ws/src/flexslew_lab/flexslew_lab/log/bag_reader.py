@@ -35,7 +35,6 @@ from flexslew_lab.log.files.mcap_scan import (
 )
 from flexslew_lab.log.files.read_limits import TEXT, SizeCheck, check_size
 from flexslew_lab.log.messages import cdr
-from flexslew_lab.log.messages.cdr_layout import Layout
 from flexslew_lab.log.messages.logged_event import logged_event
 from flexslew_lab.log.messages.record_schema import (
     Sizes,
@@ -142,7 +141,6 @@ class BagReader:
                 caller has to check this.
 
         """
-        layouts: dict[tuple[str, int], list[Layout]] = {}
         sizes: Sizes = {}  # of the truth
         newest = 0, -1  # epoch and tick of the truth
         for data, lookup in self._chunks():
@@ -155,7 +153,7 @@ class BagReader:
                         continue
                     if channel in lookup.previous:
                         messages = [m._replace(data=lookup.current(m)) for m in messages]
-                    for block in blocks_of(topic, kind, messages, layouts):
+                    for block in blocks_of(topic, kind, messages):
                         if checked and topic == "/truth":
                             sizes = check_truth(block.columns, str(self.path), sizes)
                             newest = check_one_run(block.columns, str(self.path), newest)
