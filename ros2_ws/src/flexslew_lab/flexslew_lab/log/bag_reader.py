@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from mcap.records import Header, Metadata
 
 from flexslew_lab.log.bag_columns import ColumnBlock, blocks_of, pad_columns
 from flexslew_lab.log.bag_layout import (
@@ -30,8 +31,7 @@ from flexslew_lab.log.files.mcap_scan import (
     chunk_content,
     chunk_records,
     has_checksum,
-    read_header,
-    read_metadata,
+    read_record,
 )
 from flexslew_lab.log.files.read_limits import TEXT, SizeCheck, check_size
 from flexslew_lab.log.messages import cdr
@@ -293,7 +293,7 @@ class BagReader:
 
     def _check_header(self, body: bytes) -> None:
         try:
-            profile, _ = read_header(body)
+            profile = read_record(Header, body).profile
         except ValueError as error:
             raise BadInput(f"damaged header: {error}", self.path) from None
         if profile != "ros2":
@@ -301,9 +301,10 @@ class BagReader:
 
     def _metadata(self, body: bytes) -> tuple[str, dict[str, str]]:
         try:
-            name, data = read_metadata(body)
+            record = read_record(Metadata, body)
         except ValueError as error:
             raise BadInput(f"damaged metadata: {error}", self.path) from None
+        name, data = record.name, record.metadata
         if name in (TRIAL_RECORD, RUN_RECORD):
             if data.get("checksum") != checksum(data):
                 raise BadInput(f"damaged metadata {name!r}: its checksum does not match", self.path)
