@@ -292,18 +292,12 @@ class BagReader:
         self.cut, self._checksum_valid = stream.cut, stream.checksum_valid
 
     def _check_header(self, body: bytes) -> None:
-        try:
-            profile = read_record(Header, body).profile
-        except ValueError as error:
-            raise BadInput(f"damaged header: {error}", self.path) from None
+        profile = read_record(Header, body, self.path).profile
         if profile != "ros2":
             raise BadInput(f"profile {profile!r}, not 'ros2': a foreign bag", self.path)
 
     def _metadata(self, body: bytes) -> tuple[str, dict[str, str]]:
-        try:
-            record = read_record(Metadata, body)
-        except ValueError as error:
-            raise BadInput(f"damaged metadata: {error}", self.path) from None
+        record = read_record(Metadata, body, self.path)
         name, data = record.name, record.metadata
         if name in (TRIAL_RECORD, RUN_RECORD):
             if data.get("checksum") != checksum(data):

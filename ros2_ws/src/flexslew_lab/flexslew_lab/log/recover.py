@@ -159,7 +159,7 @@ def _copy(path: Path, target: Path) -> Recovery:
     try:
         for record in stream:
             if record.opcode == METADATA:
-                found = read_record(Metadata, record.body)
+                found = read_record(Metadata, record.body, path)
                 kept = found.metadata.items()
                 plain = {k: v for k, v in kept if k not in ("format", "checksum")}
                 if found.name == TRIAL_RECORD:
@@ -183,8 +183,8 @@ def _copy(path: Path, target: Path) -> Recovery:
             with suppress(RecordingStopped):
                 writer.close()
         raise
-    except (BadInput, ValueError) as error:  # damage that hides where the next record starts
-        reason = error.refusal.why if isinstance(error, BadInput) else str(error)
+    except BadInput as error:  # damage that hides where the next record starts
+        reason = error.refusal.why
         bytes_lost = path.stat().st_size - stream.at
     if stream.cut:
         reason, bytes_lost = stream.cut.reason, stream.cut.lost

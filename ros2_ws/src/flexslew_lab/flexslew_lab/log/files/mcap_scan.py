@@ -211,15 +211,16 @@ class _Fields(ReadDataStream):
         return data
 
 
-def read_record(kind: type[_Record], body: bytes) -> _Record:
+def read_record(kind: type[_Record], body: bytes, source: object) -> _Record:
     """Return a header, schema, channel or metadata record.
 
     Raises:
-        ValueError: it is damaged.
+        BadInput: it is damaged.
 
     """
     try:
         record: _Record = kind.read(_Fields(BytesIO(body)))  # type: ignore[attr-defined]
-    except EndOfFile:
-        raise ValueError("a text is cut") from None
+    except (EndOfFile, struct.error, ValueError) as error:
+        words = str(error) or "it ends within a field"
+        raise BadInput(f"damaged {kind.__name__.lower()}: {words}", source) from None
     return record

@@ -77,15 +77,10 @@ def _with_project_types(known: Typestore) -> Typestore:
     return known
 
 
-def _nested(type_name: str) -> list[str]:
+def _nested(type_name: str) -> dict[str, None]:
     """Return the types inside type_name, each once, in the order of their first use."""
-    order: list[str] = []
-
-    def visit(name: str) -> None:
-        for field in fields(name):
-            if field.nested and field.nested not in order:
-                order.append(field.nested)
-                visit(field.nested)
-
-    visit(type_name)
-    return order
+    found: dict[str, None] = {}
+    for field in fields(type_name):
+        if field.nested:
+            found |= {field.nested: None, **_nested(field.nested)}
+    return found

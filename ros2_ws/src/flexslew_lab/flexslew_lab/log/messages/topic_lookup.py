@@ -31,15 +31,12 @@ class Lookup:
         check_size("a message definition", len(record.body), str(self.path))
         if max(len(self.schemas), len(self.channels)) > CHANNELS:
             raise BadInput(f"more than {CHANNELS} topics; no bag has so many", self.path)
-        try:
-            if record.opcode == SCHEMA:
-                schema = read_record(Schema, record.body)
-                self.schemas[schema.id] = schema
-            else:
-                channel = read_record(Channel, record.body)
-                self.channels[channel.id] = channel
-        except ValueError as error:
-            raise BadInput(f"damaged schema or channel: {error}", self.path) from None
+        if record.opcode == SCHEMA:
+            schema = read_record(Schema, record.body, self.path)
+            self.schemas[schema.id] = schema
+        else:
+            channel = read_record(Channel, record.body, self.path)
+            self.channels[channel.id] = channel
 
     def topic(self, number: int) -> tuple[str, str]:
         """Return topic and type of a channel, once its definition is known to be ours."""
