@@ -15,7 +15,7 @@ from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.info import log_info
-from flexslew_lab.log.messages.cdr import decode, encode, fields
+from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.log.messages.logged_event import logged_event
 from flexslew_lab.log.messages.record_schema import RECORDS, check_record
 from flexslew_lab.metrics.from_bag import metrics_of
@@ -25,6 +25,7 @@ from flexslew_lab.replay.player import Player, PlaySettings
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.report.run_data import read_run
 from flexslew_plant.events import EVENTS
+from flexslew_plant.message_types import fields
 from tests.lab.log.crafted import Message, flown, one_line, plain, written
 
 

@@ -11,9 +11,9 @@ import pytest
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
-from flexslew_plant.bench.wire import HEAD
 from flexslew_plant.direct.inbox import PART
 from flexslew_plant.direct.names import RECORDER, SETTING
+from flexslew_plant.message_codec import HEAD
 
 from .bystander import beside, stall
 from .flight import LONG, Flight, again, fork_server, kill_in_flight, slew

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.messages.cdr import fields
+from flexslew_plant.message_types import fields
 
 CONFIG = Path(__file__).parents[3] / "ros2_ws/src/flexslew_lab/config"
 _PLACE = re.compile(r"^(/\w+)[./](\w+)(\[\d+\])?$")

@@ -6,11 +6,11 @@ from itertools import count, repeat
 import numpy as np
 import pytest
 
-from flexslew_plant.bench.wire import HEAD
 from flexslew_plant.direct.inbox import DDS_FLAG, PART, RecorderInput
 from flexslew_plant.direct.line import DirectLine, call, facts
 from flexslew_plant.direct.names import RECORDER, address
 from flexslew_plant.graph.topics import LOOP_DEPTH
+from flexslew_plant.message_codec import HEAD
 
 numbers = count(1000 * os.getpid())  # of benches that nobody else has
 HEARD = {"/b/truth": "/truth", "/b/events": "/events"}

@@ -11,7 +11,7 @@ from flexslew_plant.events import BrakeActivated, FallbackActivated, Level
 from flexslew_plant.events.run import RejectionReason
 from flexslew_plant.hardware.disturbances import Pulse, shape_effort
 from flexslew_plant.measurement import EffortCommand
-from flexslew_plant.refusal import Cause
+from flexslew_plant.refusal import Cause, Reply
 from flexslew_plant.settings import plain, validated
 from flexslew_plant.yaml_data import yaml_text
 
@@ -407,7 +407,7 @@ def test_an_injected_fault_does_what_a_scheduled_one_does() -> None:
 def test_an_injected_disturbance_begins_at_the_next_tick() -> None:
     bench = Bench(settings())
     words = "disturbance from 0.01 s on (tick 1, no. 0)"
-    assert bench.inject("disturbance: {base_yaw: 4.0}") == (1, words, 0, None)
+    assert bench.inject("disturbance: {base_yaw: 4.0}") == Reply(words, tick=1, number=0)
     bench.advance()
     assert not bench.truth().disturbance.any()
     bench.advance()
@@ -424,9 +424,8 @@ def test_what_acts_can_be_ended_by_its_number_and_ends_with_the_next_tick() -> N
     for _ in range(10):
         bench.advance()
     for number in (1, 2, 3):
-        assert bench.end_fault(number, "me") == (
-            11, f"fault or disturbance {number} ends at tick 11", number, None,
-        )  # fmt: skip
+        words = f"fault or disturbance {number} ends at tick 11"
+        assert bench.end_fault(number, "me") == Reply(words, tick=11, number=number)
     refused = bench.end_fault(1)
     assert (refused.ok, refused.message) == (
         False, "no fault or disturbance 1; active or due: 0",

@@ -8,8 +8,9 @@ from flexslew_control.controllers.controller import Answer
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_plant.arrays import Matrix
-from flexslew_plant.bench.wire import Stamp, message_bytes
+from flexslew_plant.bench.wire import Stamp
 from flexslew_plant.errors import BadInput
+from flexslew_plant.message_codec import packer
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.yaml_data import load_yaml, yaml_text
 
@@ -43,8 +44,8 @@ def answer_fields(answer: Answer) -> dict[str, Any]:
 
 def state_bytes(answer: Answer, at: Stamp) -> bytes:
     """Return flexslew_msgs/ControllerState as it goes over DDS, with the stamp of the question."""
-    tick, epoch, *fields = answer_fields(answer).values()
-    return message_bytes(at, tick, epoch, fields)
+    fields = answer_fields(answer).values()
+    return packer("flexslew_msgs/msg/ControllerState")(*at, "", *fields)  # of an empty frame
 
 
 def plan_fields(plan: Plan, attitude: AttitudeJoints | None = None) -> dict[str, Any]:

@@ -1,9 +1,9 @@
-"""Why something was not done: one record for values, requests and readiness."""
+"""Why something was not done, one record for values, requests and readiness; and replies."""
 
 import re
 from dataclasses import dataclass, replace
 from enum import Enum, StrEnum, auto
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 
 class Cause(StrEnum):
@@ -84,6 +84,25 @@ class Refusal:
         """
         whole = ".".join(part for part in (key, self.key) if part)
         return replace(self, key=whole, source=source or self.source)
+
+
+class Reply(NamedTuple):
+    """What became of a request."""
+
+    done: str = ""  # what was done or will be, for people
+    refused: Refusal | None = None
+    tick: int = 0  # at which it takes effect
+    number: int = -1  # by which a fault or a disturbance can be ended; -1: there is none
+
+    @property
+    def ok(self) -> bool:
+        """It was granted."""
+        return self.refused is None
+
+    @property
+    def message(self) -> str:
+        """What was done or why not, for people."""
+        return str(self.refused or self.done)
 
 
 NO_TESTBED = Refusal("no testbed announced yet", cause=Cause.NO_TESTBED)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from tests.plant.test_message_codec import drawn
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
@@ -17,6 +18,7 @@ from flexslew_lab.log.recording import bag_writer
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
+from flexslew_plant.message_types import fields
 
 PLAN = "flexslew_msgs/msg/Plan"
 
@@ -28,21 +30,8 @@ def without(text: str, field: str) -> str:
     return shorter
 
 
-def message(kind: str, rng: np.random.Generator) -> dict[str, Any]:
-    """Return values for all fields that are plain numbers, texts or sequences of numbers."""
-    values: dict[str, Any] = {}
-    for field in cdr.fields(kind):
-        if field.code in ("d", "f") and field.array and not field.fixed:
-            values[field.name] = rng.normal(size=3)
-        elif field.code in ("d", "f") and not field.array:
-            values[field.name] = float(rng.normal())
-        elif field.code == "s" and not field.array:
-            values[field.name] = f"text {rng.integers(100)}"
-    return values
-
-
 OURS = sorted({topic.type for topic in TOPICS.values() if topic.type.startswith("flexslew_msgs/")})
-CASES = [(kind, field.name) for kind in OURS for field in cdr.fields(kind)]
+CASES = [(kind, field.name) for kind in OURS for field in fields(kind)]
 
 
 @pytest.mark.first(20)
@@ -51,7 +40,7 @@ def test_a_field_that_came_later_is_empty_and_all_others_keep_their_values(
     kind: str, missing: str
 ) -> None:
     text = without(schema_text(kind), missing)
-    values = message(kind, np.random.default_rng(3))
+    values = drawn(kind, np.random.default_rng(3))
     old = get_typestore(Stores.EMPTY)
     old.register(get_types_from_msg(text, kind))
     now = cdr.decode(kind, cdr.encode(kind, values))

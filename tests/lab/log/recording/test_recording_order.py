@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.plant.test_message_codec import transforms
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import decode, encode
@@ -263,10 +264,9 @@ def test_what_is_displayed_ahead_of_the_first_question_of_an_epoch_is_of_that_ep
 
     def shown(tick: int) -> Message:
         stamp = {"stamp": tick * PERIOD}
-        frame = {"header": stamp, "child_frame_id": "hub"}
-        fields = {"header": stamp, "clock": tick * PERIOD, "transforms": [frame]}
-        known = {"/joint_states": "header", "/tf": "transforms", "/clock": "clock"}[topic]
-        return topic, encode(TOPICS[topic].type, {known: fields[known]})
+        if topic == "/tf":
+            return topic, transforms({"header": stamp, "child_frame_id": "hub"})
+        return topic, encode(TOPICS[topic].type, {"header": stamp, "clock": tick * PERIOD})
 
     def tick(number: int, epoch: int) -> list[Message]:
         return [message(name, number, epoch) for name in ("/measurement", "/truth", *ANSWERS)]

@@ -27,30 +27,12 @@ from flexslew_plant.events import (
 )
 from flexslew_plant.graph import topics
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.refusal import NO_TESTBED, Cause, Refusal
+from flexslew_plant.refusal import NO_TESTBED, Cause, Refusal, Reply
 from flexslew_plant.yaml_data import MAX_LENGTH
 
 _MAX_LENGTH = 200  # characters of a value in an answer
 
 Build = Callable[[dict[str, Any]], Controller]  # from the settings of the law
-
-
-class ChangeResult(NamedTuple):
-    """What became of a request to change settings."""
-
-    tick: int  # first tick with the new settings
-    done: str = ""  # what changes, for people
-    refused: Refusal | None = None
-
-    @property
-    def ok(self) -> bool:
-        """It was granted."""
-        return self.refused is None
-
-    @property
-    def message(self) -> str:
-        """What changes or why nothing does, for people."""
-        return str(self.refused or self.done)
 
 
 class _PendingChange(NamedTuple):
@@ -246,7 +228,7 @@ class ControllerHost:
         executor: Callable[
             [Callable[[], "list[_PendingChange]"]], "list[_PendingChange]"
         ] = lambda make: make(),
-    ) -> ChangeResult:
+    ) -> Reply:
         """Design the controller again with some settings changed, for a tick to come.
 
         Args:
@@ -258,26 +240,26 @@ class ControllerHost:
         """
         if self._build is None or self.controller is None:
             why = Refusal(f"{self.name} cannot be tuned: {self.reason}", cause=Cause.NO_TESTBED)
-            return ChangeResult(0, refused=why)
+            return Reply(refused=why)
         seen, period = self.controller.last_tick, self.controller.period
         if never := past(tick, seen, period) or too_late(tick, self.run_ends or None):
-            return ChangeResult(0, refused=never)
+            return Reply(refused=never)
         tick = max(tick, seen + 1)
         if (invalid := self._not_settings(changes)) is not None:
-            return ChangeResult(tick, refused=invalid)
+            return Reply(tick=tick, refused=invalid)
         build, epoch, current = self._build, self.epoch, seen + 1
         try:
             made = executor(partial(self._design_changes, build, tick, dict(changes), who))
         except BadInput as error:
-            return ChangeResult(tick, refused=error.refusal)
+            return Reply(tick=tick, refused=error.refusal)
         if self._build is not build:
             why = Refusal("another testbed was announced meanwhile", cause=Cause.NO_TESTBED)
-            return ChangeResult(tick, refused=why)
+            return Reply(tick=tick, refused=why)
         now = self.controller.last_tick + 1
         if self.epoch != epoch:  # as begin_epoch has done with those before
             if tick > current:
                 why = Refusal("the bench was reset meanwhile", cause=Cause.BENCH_RESET)
-                return ChangeResult(tick, refused=why)
+                return Reply(tick=tick, refused=why)
             made, tick = [each._replace(tick=now) for each in made[:1]], now
         previous = [change for change in self._pending_changes if change.tick <= tick]
         self._pending_changes = previous + [
@@ -288,7 +270,7 @@ class ControllerHost:
             f"{key}: {shorten(str(value), _MAX_LENGTH, placeholder=' ...')}"
             for key, value in changes.items()
         )
-        return ChangeResult(tick, f"{words} from tick {tick} on")
+        return Reply(f"{words} from tick {tick} on", tick=tick)
 
     def _not_settings(self, changes: Mapping[str, Any]) -> Refusal | None:
         """Return why no log could hold these changes as those of settings, or None."""

@@ -12,6 +12,7 @@ from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.message_fields import state_bytes
 from flexslew_control.ros.calling import PlantConnection
 from flexslew_plant.bench.wire import Stamp, command_bytes, measurement_from, stamp_of
+from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.ros.loop import Loop
@@ -153,7 +154,7 @@ class AnswerServer:
             return
         try:
             question, at = measurement_from(data, self.period)
-        except ValueError as error:
+        except BadInput as error:
             self._host.ignored(topics.MEASUREMENT, str(error))
             self._observed(self._host.last_tick)
             return
@@ -164,7 +165,7 @@ class AnswerServer:
     def _receive_on_line(self, data: bytes, line: PlantConnection) -> None:
         try:
             question, at = measurement_from(data, self.period)
-        except ValueError:  # not in the format of a plant
+        except BadInput:  # not in the format of a plant
             line.close()
             return
         if self._last_received is not None:

@@ -21,7 +21,7 @@ from flexslew_plant.errors import BadInput, FlexslewError
 
 if TYPE_CHECKING:
     from flexslew_lab.ros.operator import Operator
-    from flexslew_plant.bench.operation.run_state import Reply
+    from flexslew_plant.refusal import Reply
 
 _FALLBACK_TIMEOUT = 1.5  # patience where no run has left its domain [wall s]
 

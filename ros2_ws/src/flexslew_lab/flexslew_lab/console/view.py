@@ -14,7 +14,6 @@ from flexslew_lab.log.bag_columns import blocks_of
 from flexslew_lab.log.files.mcap_scan import RawMessage
 from flexslew_lab.log.joints_flown import joints_and_modes
 from flexslew_lab.log.messages import cdr
-from flexslew_lab.log.messages.cdr_layout import Layout
 from flexslew_lab.log.messages.logged_event import logged_event
 from flexslew_lab.log.messages.record_schema import RECORDS, check_record
 from flexslew_plant.arrays import Vector
@@ -115,7 +114,6 @@ class BenchView:
         self.answering = ""  # controller of the last answer
         self.brake_request: BrakeRequested | None = None  # that acts from a later tick on
         self.switch_request: SwitchRequested | None = None
-        self._layouts: dict[tuple[str, int], list[Layout]] = {}
 
     @property
     def brake_on_next(self) -> bool:
@@ -167,7 +165,7 @@ class BenchView:
         raw = [RawMessage(0, 0, 0, one) for one in data]
         tracks = {topics.TRUTH: self.truth, topics.CONTROLLER_STATE: self.controller_state}
         track = tracks.get(name, self.measured)
-        for block in blocks_of(name, kind, raw, self._layouts):
+        for block in blocks_of(name, kind, raw):
             columns = block.columns
             time = columns["header.stamp.sec"] + columns["header.stamp.nanosec"] * 1e-9
             last = track.time[-1] if track.time.size else np.nan

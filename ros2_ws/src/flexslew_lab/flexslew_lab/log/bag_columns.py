@@ -7,7 +7,9 @@ import numpy as np
 
 from flexslew_lab.log.files.mcap_scan import RawMessage
 from flexslew_lab.log.files.read_limits import check_size
-from flexslew_lab.log.messages.cdr_layout import Layout, gather, layout
+from flexslew_plant.errors import BadInput
+from flexslew_plant.message_codec import Layout, layout_of
+from flexslew_plant.message_types import leaves
 
 
 class ColumnBlock(NamedTuple):
@@ -22,13 +24,13 @@ class ColumnBlock(NamedTuple):
     columns: dict[str, Any]
 
 
-def blocks_of(
-    topic: str,
-    kind: str,
-    messages: list[RawMessage],
-    layouts: dict[tuple[str, int], list[Layout]],
-) -> Iterator[ColumnBlock]:
-    """Yield the messages as blocks of one layout each, in order."""
+def blocks_of(topic: str, kind: str, messages: list[RawMessage]) -> Iterator[ColumnBlock]:
+    """Yield the messages as blocks of one layout each, in order.
+
+    Raises:
+        BadInput: a message is none of its kind, or the kind has sequences of nested types.
+    """
+    leaves(kind)
     start = 0
     while start < len(messages):
         size = len(messages[start].data)
@@ -42,38 +44,51 @@ def blocks_of(
         ).reshape(stop - start, size)
         stamps = np.array([m.stamp for m in messages[start:stop]], dtype=np.int64)
         while len(rows):
-            kind_of = _layout_of(kind, rows[0], layouts.setdefault((kind, size), []))
-            places = list(kind_of.shape)
-            same = (rows[:, places] == rows[0, places]).all(axis=1)
+            layout = _layout_of(kind, rows[0].tobytes())
+            fixed = [at for item in layout.items if item.fixed for at in range(item.at, item.end)]
+            same = (rows[:, fixed] == rows[0, fixed]).all(axis=1)
             n = len(rows) if same.all() else int(np.argmin(same))
-            columns = {
-                name: np.full(n, value) if isinstance(value, str) else _text_column(value, n)
-                for name, value in gather(kind_of, rows[:n])
-            }
+            columns = _columns(layout, rows[:n])
             yield ColumnBlock(topic, stamps[:n], columns)
             rows, stamps = rows[n:], stamps[n:]
         start = stop
 
 
-def _layout_of(kind: str, row: np.ndarray, known: list[Layout]) -> Layout:
-    """Return the layout of a message, from those met before where one fits."""
-    data = row.tobytes()
-    for one in known:
-        if all(data[i] == one.template[i] for i in one.shape):
-            return one
-    found = layout(kind, data)
-    if len(known) < 64:
-        known.append(found)
+def _layout_of(kind: str, data: bytes) -> Layout:
+    layout = layout_of(kind, data)
+    end = layout.items[-1].end
+    if len(data) >= end + 4:  # more than padding
+        raise BadInput(f"{len(data)} bytes are not a {kind}: its fields take {end}")
+    return layout
+
+
+def _columns(layout: Layout, rows: np.ndarray) -> dict[str, Any]:
+    """Return the values of messages of one layout by field; texts are repeated for each message.
+
+    Args:
+        layout: of all of them.
+        rows: their bytes, shape (messages, size), uint8.
+    """
+    found: dict[str, Any] = {}
+    texts, count = iter(layout.texts), len(rows)
+    for item in layout.items[1:]:
+        if item.code == "[":
+            found[item.name] = []  # of texts, or numbers take its place
+        elif item.code == "s":
+            text = next(texts)
+            if item.name in found:
+                found[item.name].append(text)
+            else:
+                found[item.name] = np.full(count, text)
+        elif item.code != "#":
+            block = np.ascontiguousarray(rows[:, item.at : item.end])
+            values = block.view(f"<{item.code}") if item.length else np.zeros((count, 0))
+            found[item.name] = values[:, 0] if item.length < 0 else values
+    for name, entries in found.items():
+        if isinstance(entries, list):
+            found[name] = np.empty((count, len(entries)), dtype=object)
+            found[name][:] = entries
     return found
-
-
-def _text_column(value: Any, n: int) -> np.ndarray:
-    """Return a column as an array; a tuple of texts is repeated for every message."""
-    if isinstance(value, tuple):
-        column = np.empty((n, len(value)), dtype=object)
-        column[:] = value
-        return column
-    return np.asarray(value)
 
 
 def pad_columns(part: np.ndarray, width: int) -> np.ndarray:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from mcap.records import Header, Metadata
 
 from flexslew_lab.log.bag_columns import ColumnBlock, blocks_of, pad_columns
 from flexslew_lab.log.bag_layout import (
@@ -30,12 +31,10 @@ from flexslew_lab.log.files.mcap_scan import (
     chunk_content,
     chunk_records,
     has_checksum,
-    read_header,
-    read_metadata,
+    read_record,
 )
 from flexslew_lab.log.files.read_limits import TEXT, SizeCheck, check_size
 from flexslew_lab.log.messages import cdr
-from flexslew_lab.log.messages.cdr_layout import Layout
 from flexslew_lab.log.messages.logged_event import logged_event
 from flexslew_lab.log.messages.record_schema import (
     Sizes,
@@ -142,7 +141,6 @@ class BagReader:
                 caller has to check this.
 
         """
-        layouts: dict[tuple[str, int], list[Layout]] = {}
         sizes: Sizes = {}  # of the truth
         newest = 0, -1  # epoch and tick of the truth
         for data, lookup in self._chunks():
@@ -155,7 +153,7 @@ class BagReader:
                         continue
                     if channel in lookup.previous:
                         messages = [m._replace(data=lookup.current(m)) for m in messages]
-                    for block in blocks_of(topic, kind, messages, layouts):
+                    for block in blocks_of(topic, kind, messages):
                         if checked and topic == "/truth":
                             sizes = check_truth(block.columns, str(self.path), sizes)
                             newest = check_one_run(block.columns, str(self.path), newest)
@@ -294,18 +292,13 @@ class BagReader:
         self.cut, self._checksum_valid = stream.cut, stream.checksum_valid
 
     def _check_header(self, body: bytes) -> None:
-        try:
-            profile, _ = read_header(body)
-        except ValueError as error:
-            raise BadInput(f"damaged header: {error}", self.path) from None
+        profile = read_record(Header, body, self.path).profile
         if profile != "ros2":
             raise BadInput(f"profile {profile!r}, not 'ros2': a foreign bag", self.path)
 
     def _metadata(self, body: bytes) -> tuple[str, dict[str, str]]:
-        try:
-            name, data = read_metadata(body)
-        except ValueError as error:
-            raise BadInput(f"damaged metadata: {error}", self.path) from None
+        record = read_record(Metadata, body, self.path)
+        name, data = record.name, record.metadata
         if name in (TRIAL_RECORD, RUN_RECORD):
             if data.get("checksum") != checksum(data):
                 raise BadInput(f"damaged metadata {name!r}: its checksum does not match", self.path)

@@ -16,10 +16,10 @@ from flexslew_lab.log.bag_columns import ColumnBlock
 from flexslew_lab.log.bag_reader import BagReader, Overview
 from flexslew_lab.log.column_names import column_name
 from flexslew_lab.log.files.whole_file import write_whole
-from flexslew_lab.log.messages.cdr import Field, fields
-from flexslew_lab.log.messages.schemas import definition, field_types, type_hash
+from flexslew_lab.log.messages.schemas import type_hash
 from flexslew_lab.log.truth_columns import coordinate_of, unit_of_tip
 from flexslew_plant.errors import BadInput
+from flexslew_plant.message_types import fields, leaves
 from flexslew_plant.own_code import Trust
 
 MAX_COLUMNS = 64  # longer sequences stay one column: a list in Parquet, JSON in CSV
@@ -111,25 +111,17 @@ def _file_name(topic: str) -> str:
 
 def units_of(type_name: str, name: str) -> tuple[str, ...]:
     """Return the units in the comment of a field: one, or one for each part of a sequence."""
-    for _, field, comment in field_types(definition(type_name)):
-        if field == name:
-            return tuple(_UNIT.findall(comment))
-    return ()
+    comments = {field.name: field.comment for field in fields(type_name)}
+    return tuple(_UNIT.findall(comments.get(name, "")))
 
 
 def _reject_reason(type_name: str) -> str:
     """Return why the type does not fit into a table; empty where it does."""
-
-    def nested_sequence(name: str) -> Field | None:
-        for field in fields(name):
-            if field.nested:
-                found = field if field.array else nested_sequence(field.nested)
-                if found:
-                    return found
-        return None
-
-    found = nested_sequence(type_name)
-    return f"{found.name} is a sequence of {found.nested}" if found else ""
+    try:
+        leaves(type_name)
+    except BadInput as error:
+        return str(error.why)
+    return ""
 
 
 def _widths(bag: BagReader, topics: Collection[str]) -> dict[str, dict[str, tuple[int, str]]]:
@@ -221,7 +213,7 @@ def _schema(overview: Overview, topic: str, columns: list[_Column]) -> pa.Schema
         ),
     ]
     for c in columns:
-        comments = {f: text for _, f, text in field_types(definition(type_name))}
+        comments = {field.name: field.comment for field in fields(type_name)}
         description = comments.get(c.source.split(".")[0], "")
         found.append(pa.field(c.name, c.type, metadata={"unit": c.unit, "meaning": description}))
     names = {} if overview.testbed is None else {"joints": ",".join(overview.testbed.joint_names)}

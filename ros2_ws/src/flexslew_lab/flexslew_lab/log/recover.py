@@ -8,6 +8,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+from mcap.records import Metadata
+
 from flexslew_lab.log.bag_layout import METADATA_FILE, RUN_RECORD, TRIAL_RECORD
 from flexslew_lab.log.bag_reader import BagReader, find_mcap
 from flexslew_lab.log.files.bag_lock import LOCK_FILE, lock_folder, release_folder
@@ -21,7 +23,7 @@ from flexslew_lab.log.files.mcap_scan import (
     chunk_content,
     chunk_records,
     has_checksum,
-    read_metadata,
+    read_record,
 )
 from flexslew_lab.log.files.read_limits import SizeCheck
 from flexslew_lab.log.files.whole_file import write_whole
@@ -157,11 +159,12 @@ def _copy(path: Path, target: Path) -> Recovery:
     try:
         for record in stream:
             if record.opcode == METADATA:
-                name, data = read_metadata(record.body)
-                plain = {k: v for k, v in data.items() if k not in ("format", "checksum")}
-                if name == TRIAL_RECORD:
+                found = read_record(Metadata, record.body, path)
+                kept = found.metadata.items()
+                plain = {k: v for k, v in kept if k not in ("format", "checksum")}
+                if found.name == TRIAL_RECORD:
                     trial = plain
-                elif name == RUN_RECORD:
+                elif found.name == RUN_RECORD:
                     run = plain
             elif record.opcode in (SCHEMA, CHANNEL):
                 lookup.take(record)
@@ -180,8 +183,8 @@ def _copy(path: Path, target: Path) -> Recovery:
             with suppress(RecordingStopped):
                 writer.close()
         raise
-    except (BadInput, ValueError) as error:  # damage that hides where the next record starts
-        reason = error.refusal.why if isinstance(error, BadInput) else str(error)
+    except BadInput as error:  # damage that hides where the next record starts
+        reason = error.refusal.why
         bytes_lost = path.stat().st_size - stream.at
     if stream.cut:
         reason, bytes_lost = stream.cut.reason, stream.cut.lost

@@ -6,7 +6,6 @@ examination covers the ticks and times of answers, not their quality.
 
 from collections.abc import Callable
 from contextlib import suppress
-from struct import Struct
 from time import monotonic, time_ns
 from typing import NamedTuple
 
@@ -21,8 +20,10 @@ from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.message_fields import testbed_fields
 from flexslew_plant.bench.operation.presence import HEARTBEAT_TIMEOUT
 from flexslew_plant.bench.wire import command_from, measurement_bytes
+from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 from flexslew_plant.measurement import EffortCommand, Measurement
+from flexslew_plant.message_codec import leading
 from flexslew_plant.network import require_loopback
 from flexslew_plant.processes.atomic import atomic
 from flexslew_plant.ros.alive import Alive
@@ -38,7 +39,7 @@ _AMPLITUDE = 1e-3  # of the joints, at 1 rad/s [rad or m]
 _RESET_TICKS = 3  # ticks after a reset that are answered as at the start
 _OTHER_CONTROLLER, _NO_CONTROLLER = "somebody_else", ""  # the drive brakes
 _MAX_QUEUE = 900  # questions after which a bench would soon wait for a controller that reports none
-_STAMP, _HEAD = Struct("<iI"), 4  # of an answer, behind the encapsulation of CDR
+_STAMP = leading("flexslew_msgs/msg/EffortCommand", "stamp.sec", "stamp.nanosec")
 _MIDDLE, _REPEATS = 50, 3  # questions to others before and after one to it, while it is stopped
 _MAX_DELAY, _LATE = 60.0, 1.0  # by which `since` may be before the examination, and after now [s]
 _DEPTH = (
@@ -501,10 +502,10 @@ class InterfaceTest:
     def _on_command(self, data: bytes) -> None:
         try:
             command = command_from(data)
-        except ValueError as error:
+        except BadInput as error:
             self._decode_error = str(error)
             return
-        sec, nanosec = _STAMP.unpack_from(data, _HEAD)
+        sec, nanosec = _STAMP.unpack_from(data)
         self._commands.append((command, sec + 1e-9 * nanosec))
 
     def _on_status(self, message: msg.ControllerStatus) -> None:

@@ -16,12 +16,11 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from flexslew_lab.ros.service_request import SERVICES, is_accepted, request_of
-from flexslew_plant.bench.operation.run_state import Reply
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.graph import topics
 from flexslew_plant.graph.graph_names import require_name
 from flexslew_plant.network import require_loopback
-from flexslew_plant.refusal import Refusal
+from flexslew_plant.refusal import Refusal, Reply
 from flexslew_plant.ros.start import start_ros
 
 PATIENCE = 5.0  # for the plant to be found and to answer [wall s]

@@ -17,7 +17,6 @@ from flexslew_plant.bench.handover import RUN_OVER, Handover
 from flexslew_plant.bench.injections import Injections, injection_of, injections_of, names_of
 from flexslew_plant.bench.records import ActiveFault
 from flexslew_plant.bench.records import BenchSettings as BenchSettings
-from flexslew_plant.bench.records import InjectResult as InjectResult
 from flexslew_plant.bench.records import SwitchRequest as SwitchRequest
 from flexslew_plant.bench.records import SwitchResult as SwitchResult
 from flexslew_plant.bench.records import Truth as Truth
@@ -47,7 +46,7 @@ from flexslew_plant.hardware.plausibility import Plausibility
 from flexslew_plant.hardware.sensors import Readings, Sensors, exact_readings
 from flexslew_plant.hardware.spin_limits import spin_limits_of
 from flexslew_plant.measurement import EffortCommand, Measurement
-from flexslew_plant.refusal import Cause, Refusal
+from flexslew_plant.refusal import Cause, Refusal, Reply
 from flexslew_plant.testbeds import Testbed, initial_state
 from flexslew_plant.testbeds.model import Model
 
@@ -348,7 +347,7 @@ class Bench:
 
     def inject(
         self, text: str, tick: int = 0, who: str = "", controllers: Sequence[str] = ()
-    ) -> InjectResult:
+    ) -> Reply:
         """Return whether a fault or disturbance that an operator requests is accepted, or why not.
 
         Args:
@@ -359,25 +358,26 @@ class Bench:
         """
         start = max(tick, self.tick + 1)
         if rejection := past(tick, self.tick, self.settings.period):
-            return InjectResult(self.tick, refused=rejection)
+            return Reply(tick=self.tick, refused=rejection)
         if not self.settings.allow_faults:
             words = "faults are off in this trial; set allow_faults: true"
-            return InjectResult(self.tick, refused=Refusal(words, cause=Cause.FAULTS_OFF))
+            return Reply(tick=self.tick, refused=Refusal(words, cause=Cause.FAULTS_OFF))
         try:
             entry = requested_entry(text, start * self.settings.period, self._testbed)
             period = self.settings.period
             names = self._names._replace(controllers=tuple(controllers))
             injection = injection_of(entry, names, period, "fault")
         except BadInput as error:
-            return InjectResult(self.tick, refused=error.refusal)
+            return Reply(tick=self.tick, refused=error.refusal)
         if late := too_late(start, self.last_tick):
-            return InjectResult(self.tick, refused=late)
+            return Reply(tick=self.tick, refused=late)
         word, number = self._injections.add(injection)
         self.tell(InjectionRequested(text, start, number, who, word))
         at = start * self.settings.period
-        return InjectResult(start, f"{word} from {at:g} s on (tick {start}, no. {number})", number)
+        words = f"{word} from {at:g} s on (tick {start}, no. {number})"
+        return Reply(words, tick=start, number=number)
 
-    def retarget(self, text: str, tick: int = 0, who: str = "") -> InjectResult:
+    def retarget(self, text: str, tick: int = 0, who: str = "") -> Reply:
         """Return whether an appendage gets a new target, or why not.
 
         Args:
@@ -387,20 +387,20 @@ class Bench:
         """
         start = max(tick, self.tick + 1)
         if rejection := past(tick, self.tick, self.settings.period):
-            return InjectResult(self.tick, refused=rejection)
+            return Reply(tick=self.tick, refused=rejection)
         try:
             at = start * self.settings.period
             new_testbed = with_target(self._current_testbed, requested_target(text), at, "target")
         except BadInput as error:
-            return InjectResult(self.tick, refused=error.refusal)
+            return Reply(tick=self.tick, refused=error.refusal)
         if late := too_late(start, self.last_tick):
-            return InjectResult(self.tick, refused=late)
+            return Reply(tick=self.tick, refused=late)
         self._current_testbed, self.model = new_testbed, new_testbed.model()
         what = TargetRequested(text, start, who)
         self.tell(what)
-        return InjectResult(start, message_of(what))
+        return Reply(message_of(what), tick=start)
 
-    def end_fault(self, number: int, who: str = "") -> InjectResult:
+    def end_fault(self, number: int, who: str = "") -> Reply:
         """Return whether a fault or disturbance ends with the next tick, or why not.
 
         Args:
@@ -411,12 +411,12 @@ class Bench:
         if number not in here:
             known = ", ".join(map(str, sorted(here))) or "none"
             words = f"no fault or disturbance {number}; active or due: {known}"
-            return InjectResult(self.tick, refused=Refusal(words, cause=Cause.UNKNOWN))
+            return Reply(tick=self.tick, refused=Refusal(words, cause=Cause.UNKNOWN))
         end = self.tick + 1
         self._injections.end(number, end)
         what = FaultEndRequested(number, end, who)
         self.tell(what)
-        return InjectResult(end, message_of(what), number)
+        return Reply(message_of(what), tick=end, number=number)
 
     def active_faults(self) -> list[ActiveFault]:
         """Return what disturbs or breaks now, or will."""

@@ -99,25 +99,6 @@ class SwitchResult(NamedTuple):
         return str(self.refused or self.done)
 
 
-class InjectResult(NamedTuple):
-    """What became of a request to break something, or to end or turn it."""
-
-    tick: int  # at which it takes effect
-    done: str = ""  # what is done, for people
-    number: int = -1  # by which it can be ended; -1: nothing was broken
-    refused: Refusal | None = None
-
-    @property
-    def ok(self) -> bool:
-        """It happens."""
-        return self.refused is None
-
-    @property
-    def message(self) -> str:
-        """What is done or why not, for people."""
-        return str(self.refused or self.done)
-
-
 class ActiveFault(NamedTuple):
     """Something that disturbs or breaks, or will."""
 

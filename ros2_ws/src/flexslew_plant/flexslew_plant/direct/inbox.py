@@ -4,10 +4,10 @@ import struct
 from collections.abc import Iterable, Iterator, Mapping
 from struct import Struct
 
-from flexslew_plant.bench.wire import HEAD
 from flexslew_plant.direct.line import DirectLine
 from flexslew_plant.direct.reception import ListenerSocket
 from flexslew_plant.graph.topics import LOOP_DEPTH
+from flexslew_plant.message_codec import HEAD
 
 TOPICS = "topics"  # fact that a caller sends: absolute names of the topics that it publishes
 # facts that the recorder sends: its node that listens over DDS, and the topics that it records

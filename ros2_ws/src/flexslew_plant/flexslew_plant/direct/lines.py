@@ -4,11 +4,13 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from typing import TypeAlias
 
-from flexslew_plant.bench.wire import HEAD, command_from
+from flexslew_plant.bench.wire import command_from
 from flexslew_plant.direct.line import DirectLine, facts
 from flexslew_plant.direct.reception import ListenerSocket
+from flexslew_plant.errors import BadInput
 from flexslew_plant.graph.topics import LOOP_DEPTH
 from flexslew_plant.measurement import EffortCommand
+from flexslew_plant.message_codec import HEAD
 
 Key: TypeAlias = tuple[int, int]  # epoch and tick
 
@@ -82,7 +84,7 @@ class Lines:
                 if len(self._recent_commands) > LOOP_DEPTH:
                     self._recent_commands.popitem(last=False)
                 return command
-        except ValueError:
+        except BadInput:
             pass
         if facts(data).get(ANSWERS) is True:
             self.answering.add(name)

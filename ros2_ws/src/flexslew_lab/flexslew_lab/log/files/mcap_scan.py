@@ -3,11 +3,14 @@
 import struct
 import zlib
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple, TypeVar
 
 import lz4.frame
 import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
 
 from flexslew_lab.log.bag_layout import MAGIC
 from flexslew_lab.log.files.read_limits import check_size
@@ -20,6 +23,7 @@ _SCHEMA_LIKE = frozenset({SCHEMA, CHANNEL})
 _DATA_RECORDS = frozenset({1, 3, 4, 5, 6, 7, 9, 0x0C, 0x0F})
 _HEAD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<BQHIQQ")
+_Record = TypeVar("_Record")
 
 
 class McapRecord(NamedTuple):
@@ -197,95 +201,26 @@ def chunk_records(data: bytes, where: str) -> Iterator[McapRecord | RawMessage]:
         at = stop
 
 
-class SchemaRecord(NamedTuple):
-    """What a channel's messages look like."""
+class _Fields(ReadDataStream):
+    """The bytes of a record, which must not end within a field."""
 
-    id: int
-    name: str
-    encoding: str
-    text: str
-
-
-class ChannelRecord(NamedTuple):
-    """A topic in a file."""
-
-    id: int
-    schema: int
-    topic: str
-    encoding: str
-    metadata: dict[str, str]
+    def read(self, length: int) -> bytes:
+        data = super().read(length)
+        if len(data) < length:
+            raise EndOfFile
+        return data
 
 
-def read_schema(body: bytes) -> SchemaRecord:
-    """Return a schema record.
+def read_record(kind: type[_Record], body: bytes, source: object) -> _Record:
+    """Return a header, schema, channel or metadata record.
 
     Raises:
-        ValueError: it is damaged.
+        BadInput: it is damaged.
 
     """
-    (number,) = _unpack("<H", body, 0)
-    name, at = _string(body, 2)
-    encoding, at = _string(body, at)
-    text, _ = _string(body, at)
-    return SchemaRecord(number, name, encoding, text)
-
-
-def read_channel(body: bytes) -> ChannelRecord:
-    """Return a channel record.
-
-    Raises:
-        ValueError: it is damaged.
-
-    """
-    number, schema = _unpack("<HH", body, 0)
-    topic, at = _string(body, 4)
-    encoding, at = _string(body, at)
-    return ChannelRecord(number, schema, topic, encoding, _mapping(body, at))
-
-
-def read_metadata(body: bytes) -> tuple[str, dict[str, str]]:
-    """Return name and content of a metadata record.
-
-    Raises:
-        ValueError: it is damaged.
-
-    """
-    name, at = _string(body, 0)
-    return name, _mapping(body, at)
-
-
-def read_header(body: bytes) -> tuple[str, str]:
-    """Return profile and library of the header record.
-
-    Raises:
-        ValueError: it is damaged.
-
-    """
-    profile, at = _string(body, 0)
-    return profile, _string(body, at)[0]
-
-
-def _unpack(code: str, body: bytes, at: int) -> tuple[int, ...]:
     try:
-        return struct.unpack_from(code, body, at)
-    except struct.error as error:
-        raise ValueError(str(error)) from None
-
-
-def _string(body: bytes, at: int) -> tuple[str, int]:
-    (size,) = _unpack("<I", body, at)
-    end = at + 4 + size
-    if end > len(body):
-        raise ValueError("a text is cut")
-    return body[at + 4 : end].decode(), end
-
-
-def _mapping(body: bytes, at: int) -> dict[str, str]:
-    (size,) = _unpack("<I", body, at)
-    end, at, found = at + 4 + size, at + 4, {}
-    if end > len(body):
-        raise ValueError("a mapping is cut")
-    while at < end:
-        key, at = _string(body, at)
-        found[key], at = _string(body, at)
-    return found
+        record: _Record = kind.read(_Fields(BytesIO(body)))  # type: ignore[attr-defined]
+    except (EndOfFile, struct.error, ValueError) as error:
+        words = str(error) or "it ends within a field"
+        raise BadInput(f"damaged {kind.__name__.lower()}: {words}", source) from None
+    return record

@@ -1,64 +1,20 @@
-"""Message definitions without ROS: their text, their type hashes, and a store of them."""
+"""Schemas and type hashes of messages without ROS, and a store of their types."""
 
 from functools import lru_cache
-from pathlib import Path
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.base import TypesysError
 from rosbags.typesys.store import Typestore
 
 from flexslew_plant.errors import BadInput
-
-MESSAGES = "flexslew_msgs"
-SEPARATOR = "=" * 80
-_PRIMITIVES = frozenset(
-    {
-        *("bool", "byte", "char", "float32", "float64", "string", "wstring"),
-        *("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
-    }
+from flexslew_plant.message_types import (
+    SEPARATOR,
+    definition,
+    fields,
+    message_directory,
+    standard_types,
 )
 
-
-@lru_cache
-def message_directory(package: str) -> Path | None:
-    """Return where the .msg files of a package lie, or None where no place has them.
-
-    The ament index gives the place in an installed workspace; where there is none, the source tree
-    next to this package has them, and an installation by pip holds a copy.
-    """
-    here = Path(__file__).resolve()
-    places = [here.parents[4] / package, here.parents[2] / "definitions" / package]
-    try:
-        from ament_index_python.packages import get_package_share_directory
-
-        places.insert(0, Path(get_package_share_directory(package)))
-    except (ImportError, LookupError, ValueError, OSError):  # no ROS, or not sourced
-        pass
-    return next((place / "msg" for place in places if (place / "msg").is_dir()), None)
-
-
-@lru_cache
-def definition(type_name: str) -> str:
-    """Return the text of one .msg file as its authors wrote it, comments included.
-
-    Args:
-        type_name: `package/msg/Type`.
-
-    Raises:
-        BadInput: no definition of this type is known.
-
-    """
-    package, _, name = type_name.split("/")
-    directory = message_directory(package)
-    if directory is not None and (directory / f"{name}.msg").is_file():
-        return (directory / f"{name}.msg").read_text(encoding="utf-8")
-    try:
-        text, _ = _standard().generate_msgdef(type_name, ros_version=2)
-    except TypesysError:
-        raise BadInput(
-            f"no definition of {type_name} is known; build the workspace and source it"
-        ) from None
-    return text.split(SEPARATOR)[0]
+MESSAGES = "flexslew_msgs"
 
 
 @lru_cache
@@ -101,7 +57,7 @@ def hash_of_schema(type_name: str, text: str) -> str:
 @lru_cache
 def store() -> Typestore:
     """Return the store of all types that a bag of this project may hold."""
-    return _with_project_types(_standard())
+    return _with_project_types(standard_types())
 
 
 @lru_cache
@@ -121,38 +77,10 @@ def _with_project_types(known: Typestore) -> Typestore:
     return known
 
 
-@lru_cache
-def _standard() -> Typestore:
-    """Return the store with the common interfaces; `store` adds this project's to it."""
-    return get_typestore(Stores.ROS2_JAZZY)
-
-
-def field_types(text: str) -> list[tuple[str, str, str]]:
-    """Return (type, name, comment) of the fields of one .msg text, constants left out."""
-    fields = []
-    for line in text.splitlines():
-        code, _, comment = line.partition("#")
-        words = code.split()
-        if len(words) >= 2 and "=" not in code.replace("<=", ""):
-            fields.append((words[0], words[1], comment.strip()))
-    return fields
-
-
-def _nested(type_name: str) -> list[str]:
+def _nested(type_name: str) -> dict[str, None]:
     """Return the types inside type_name, each once, in the order of their first use."""
-    order: list[str] = []
-
-    def visit(name: str) -> None:
-        package = name.split("/")[0]
-        for kind, _, _ in field_types(definition(name)):
-            base = kind.split("[")[0].split("<=")[0]
-            if base in _PRIMITIVES:
-                continue
-            parts = base.split("/")
-            inner = f"{parts[0] if len(parts) > 1 else package}/msg/{parts[-1]}"
-            if inner not in order:
-                order.append(inner)
-                visit(inner)
-
-    visit(type_name)
-    return order
+    found: dict[str, None] = {}
+    for field in fields(type_name):
+        if field.nested:
+            found |= {field.nested: None, **_nested(field.nested)}
+    return found

@@ -4,16 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from mcap.records import Channel, Schema
+
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.files.mcap_scan import (
-    SCHEMA,
-    ChannelRecord,
-    McapRecord,
-    RawMessage,
-    SchemaRecord,
-    read_channel,
-    read_schema,
-)
+from flexslew_lab.log.files.mcap_scan import SCHEMA, McapRecord, RawMessage, read_record
 from flexslew_lab.log.files.read_limits import CHANNELS, check_size
 from flexslew_lab.log.messages.older import upgrade
 from flexslew_lab.log.messages.schemas import MESSAGES, hash_of_schema, type_hash
@@ -25,8 +19,8 @@ class Lookup:
     """The channels of a file while it is read."""
 
     path: Path
-    schemas: dict[int, SchemaRecord] = field(default_factory=dict)
-    channels: dict[int, ChannelRecord] = field(default_factory=dict)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
     checked: dict[int, tuple[str, str]] = field(default_factory=dict)  # channel -> topic, type
     previous: dict[int, Callable[[bytes], bytes]] = field(default_factory=dict)  # by channel
     sequence: dict[int, int] = field(default_factory=dict)  # channel -> last one seen
@@ -37,15 +31,12 @@ class Lookup:
         check_size("a message definition", len(record.body), str(self.path))
         if max(len(self.schemas), len(self.channels)) > CHANNELS:
             raise BadInput(f"more than {CHANNELS} topics; no bag has so many", self.path)
-        try:
-            if record.opcode == SCHEMA:
-                schema = read_schema(record.body)
-                self.schemas[schema.id] = schema
-            else:
-                channel = read_channel(record.body)
-                self.channels[channel.id] = channel
-        except ValueError as error:
-            raise BadInput(f"damaged schema or channel: {error}", self.path) from None
+        if record.opcode == SCHEMA:
+            schema = read_record(Schema, record.body, self.path)
+            self.schemas[schema.id] = schema
+        else:
+            channel = read_record(Channel, record.body, self.path)
+            self.channels[channel.id] = channel
 
     def topic(self, number: int) -> tuple[str, str]:
         """Return topic and type of a channel, once its definition is known to be ours."""
@@ -71,29 +62,25 @@ class Lookup:
 
     def _check(self, number: int) -> tuple[str, str]:
         channel = self.channels.get(number)
-        schema = self.schemas.get(channel.schema) if channel else None
+        schema = self.schemas.get(channel.schema_id) if channel else None
         if channel is None or schema is None:
             raise BadInput(f"damaged: a message of an unknown channel {number}", self.path)
         where = f"{self.path}: {channel.topic}"
-        if channel.encoding != "cdr" or schema.encoding != "ros2msg":
+        if channel.message_encoding != "cdr" or schema.encoding != "ros2msg":
             raise BadInput(
-                f"{channel.encoding!r} messages with a {schema.encoding!r} schema; only cdr "
-                "with ros2msg is read",
+                f"{channel.message_encoding!r} messages with a {schema.encoding!r} schema; only "
+                "cdr with ros2msg is read",
                 where,
             )
         known = TOPICS.get(channel.topic)
         if known and known.type != schema.name:
             raise BadInput(f"is a {schema.name}, not a {known.type}: a foreign bag", where)
         if schema.name.startswith(f"{MESSAGES}/"):
-            recorded, current_hash = (
-                hash_of_schema(schema.name, schema.text),
-                type_hash(schema.name),
-            )
+            text = schema.data.decode(errors="replace")
+            recorded, current_hash = hash_of_schema(schema.name, text), type_hash(schema.name)
             declared_hash = channel.metadata.get("topic_type_hash", recorded)
             convert = (
-                upgrade(schema.name, schema.text)
-                if recorded == declared_hash != current_hash
-                else None
+                upgrade(schema.name, text) if recorded == declared_hash != current_hash else None
             )
             if convert is not None:
                 self.previous[number] = convert

@@ -1,17 +1,16 @@
 """The ticks that a recorder still waits for: question received, but not yet all of its answer."""
 
-import struct
 from dataclasses import dataclass, field
 from typing import Any
 
+from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages import cdr
 from flexslew_plant.events import AnswerMissing, kind_of
+from flexslew_plant.message_codec import leading
 
 PATIENCE = 1.0  # that an answer is waited for [wall s]
-_TICK_EPOCH_NAME = struct.Struct("<QII")  # the name's length last
-_PLACES = {"/measurement": 20, "/controller_state": 20, "/effort_command": 12}  # of these three
-TRACKED_TOPICS = frozenset({*_PLACES, "/events"})  # topics
 _ANSWER_TOPICS = frozenset({"/effort_command", "/controller_state"})
+TRACKED_TOPICS = _ANSWER_TOPICS | {"/measurement", "/events"}
 _KEPT = 512  # ticks with a remembered end
 
 Key = tuple[int, int]  # epoch and tick
@@ -119,7 +118,7 @@ def _trim(kept: dict[Any, Any]) -> None:
 
 def _key_and_name(topic: str, data: bytes) -> tuple[Key, str]:
     """Return epoch and tick, and the controller, of a question or an answer."""
-    at = _PLACES[topic]
-    tick, epoch, length = _TICK_EPOCH_NAME.unpack_from(data, at)
-    at += _TICK_EPOCH_NAME.size
-    return (int(epoch), int(tick)), data[at : at + length - 1].decode(errors="replace")
+    head = leading(TOPICS[topic].type, "tick", "epoch", "controller")
+    tick, epoch, length = head.unpack_from(data)
+    name = data[head.size : head.size + length - 1]
+    return (int(epoch), int(tick)), name.decode(errors="replace")

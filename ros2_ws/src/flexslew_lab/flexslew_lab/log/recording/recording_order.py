@@ -1,25 +1,21 @@
 """The order in which a recorder writes its messages: by epoch, then by simulated time."""
 
-import struct
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
 from operator import itemgetter
+from struct import error
 from typing import NamedTuple
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages import cdr
-from flexslew_lab.log.messages.cdr import stamp_offset, time_at
 from flexslew_lab.log.messages.readable import can_read
 from flexslew_lab.log.recording.consecutive import TickSequence
 from flexslew_lab.log.recording.open_ticks import PATIENCE, TRACKED_TOPICS, OpenTicks
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 from flexslew_plant.graph.topics import DISPLAYED
+from flexslew_plant.message_codec import layout_of, leading
 
-_TICK_AND_EPOCH = struct.Struct("<QI")
-_HEADER_OFFSET, _STAMP_OFFSET = 20, 12  # with an empty frame
-_LENGTH, _TRANSFORM = struct.Struct("<I"), struct.Struct("<7d")  # of a sequence or a string
-_HEAD, _STAMP_SIZE = 4, 8  # [B]; from behind the head CDR aligns
 _OF_PLANT = ("/measurement", "/truth")  # their epoch counts
 # Patience for the other of the two, once received, and for a tick between two [wall s]: on a
 # starved machine it comes late. A plant may publish no truth at all; for that PATIENCE is
@@ -74,7 +70,6 @@ class RecordingOrder:
         self.invalid_topics: set[str] = set()
         self._display_times = dict.fromkeys(_DISPLAY_TOPICS, (0, 0))  # epoch and time by topic
         self._pending: dict[str, _PendingMessages] = {}  # by topic
-        self._stamp = {topic: stamp_offset(known.type) for topic, known in TOPICS.items()}
         self._waiting: list[Ordered] = []
         self._open = OpenTicks()
         self._plant = {topic: TickSequence() for topic in _OF_PLANT}
@@ -95,14 +90,14 @@ class RecordingOrder:
         horizon = self._horizon(now)
         new_messages, plant = [], self._plant
         for topic, data in messages:
-            at = time_at(self._stamp[topic], data, self.newest[1])
+            at = cdr.stamp_of(TOPICS[topic].type, data, self.newest[1])
             if at < 0:  # no log has such a time
                 self.invalid_topics.add(topic)
                 continue
             if topic in plant:
                 try:
-                    tick, epoch = tick_and_epoch(data)
-                except struct.error:
+                    tick, epoch = tick_and_epoch(data, topic)
+                except error:
                     self.invalid_topics.add(topic)
                     continue
                 plant[topic].receive(epoch, tick, at)
@@ -124,7 +119,7 @@ class RecordingOrder:
                     continue
                 if topic in TRACKED_TOPICS:
                     self._open.receive(epoch, at, topic, data, now)
-            except (struct.error, BadInput):
+            except (error, BadInput):
                 self.invalid_topics.add(topic)
                 continue
             wait(Ordered(epoch, at, _RANK[topic], topic, data))
@@ -186,18 +181,20 @@ class RecordingOrder:
             epoch = newest if at < before or at == 0 else epoch
             self._display_times[topic] = epoch, at
             return epoch
-        if topic in _OF_PLANT or topic == "/controller_state":
-            return min(newest, tick_and_epoch(data)[1])
-        if topic in ("/effort_command", "/events"):
-            return min(newest, int(_TICK_AND_EPOCH.unpack_from(data, _STAMP_OFFSET)[1]))
+        if topic in _OF_PLANT or topic in TRACKED_TOPICS:
+            return min(newest, tick_and_epoch(data, topic)[1])
         if topic == _STATUS:  # may come before the question with which its epoch begins
             return min(newest + 1, int(cdr.decode(TOPICS[topic].type, data).epoch))
         return newest
 
 
-def tick_and_epoch(data: bytes) -> tuple[int, int]:
-    """Return tick and epoch of a message that begins with a header and these two."""
-    tick, epoch = _TICK_AND_EPOCH.unpack_from(data, _HEADER_OFFSET)
+def tick_and_epoch(data: bytes, topic: str = "/measurement") -> tuple[int, int]:
+    """Return tick and epoch of a message of a topic that has them near its start.
+
+    Raises:
+        struct.error: if the data are too short.
+    """
+    tick, epoch = leading(TOPICS[topic].type, "tick", "epoch").unpack_from(data)
     return int(tick), int(epoch)
 
 
@@ -205,26 +202,11 @@ def of_namespace(data: bytes, namespace: str) -> bool:
     """Return whether transforms are of the bench of a namespace, by the names of their frames.
 
     Args:
-        data: CDR of a tf2_msgs/TFMessage, read by hand: decoding it takes ten times as long.
+        data: CDR of a tf2_msgs/TFMessage.
         namespace: absolute; "/" is that of frames without a slash.
 
     Raises:
-        struct.error: if the data are no transforms.
+        BadInput: if the data are no transforms.
     """
-    (count,) = _LENGTH.unpack_from(data, _HEAD)
-    at = _HEAD + _LENGTH.size
-    for _ in range(count):
-        at += _STAMP_SIZE
-        (length,) = _LENGTH.unpack_from(data, at)
-        at += _LENGTH.size + length
-        at += -at % 4
-        (length,) = _LENGTH.unpack_from(data, at)
-        at += _LENGTH.size
-        place, _, _ = data[at : at + length - 1].decode(errors="replace").rpartition("/")
-        if "/" + place != namespace:
-            return False
-        at += length
-        at += (_HEAD - at) % 8 + _TRANSFORM.size
-        if at > len(data):
-            raise struct.error
-    return True
+    frames = layout_of("tf2_msgs/msg/TFMessage", data).texts[1::2]  # each with its parent
+    return all("/" + frame.rpartition("/")[0] == namespace for frame in frames)

@@ -1,29 +1,10 @@
 """Whether the bench waits, runs, rests or is done, and which requests it accepts then."""
 
-from typing import NamedTuple
-
 from flexslew_plant.counted import count_text
-from flexslew_plant.refusal import Cause, Refusal
+from flexslew_plant.refusal import Cause, Refusal, Reply
 
 WAITING, RUNNING, PAUSED, FINISHED = "waiting", "running", "paused", "finished"
 _OVER = "the run is over; call reset first"
-
-
-class Reply(NamedTuple):
-    """What became of a request."""
-
-    done: str = ""  # what was done, for people
-    refused: Refusal | None = None
-
-    @property
-    def ok(self) -> bool:
-        """It was granted."""
-        return self.refused is None
-
-    @property
-    def message(self) -> str:
-        """What was done or why not, for people."""
-        return str(self.refused or self.done)
 
 
 def _not_now(why: str) -> Reply:

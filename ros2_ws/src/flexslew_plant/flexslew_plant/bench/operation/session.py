@@ -12,7 +12,7 @@ from flexslew_plant.bench.bench import Bench, SwitchRequest, Truth
 from flexslew_plant.bench.operation.backlog import NodeProgress
 from flexslew_plant.bench.operation.pacing import TickTimer
 from flexslew_plant.bench.operation.presence import HEARTBEAT_PERIOD, Heartbeats
-from flexslew_plant.bench.operation.run_state import PAUSED, WAITING, Reply, RunState
+from flexslew_plant.bench.operation.run_state import PAUSED, WAITING, RunState
 from flexslew_plant.events import (
     NO_NAME,
     Event,
@@ -32,7 +32,7 @@ from flexslew_plant.events import (
     too_long,
 )
 from flexslew_plant.measurement import EffortCommand, Measurement
-from flexslew_plant.refusal import Cause, Refusal
+from flexslew_plant.refusal import Cause, Refusal, Reply
 
 Outgoing: TypeAlias = Measurement | Truth | Event
 

@@ -15,6 +15,7 @@ from flexslew_plant.bench.wire import command_from, measurement_bytes
 from flexslew_plant.direct.line import SLICE
 from flexslew_plant.direct.lines import Lines
 from flexslew_plant.direct.names import DDS, SOCKET, address, direct
+from flexslew_plant.errors import BadInput
 from flexslew_plant.events import TransportChosen, UnexpectedMessage
 from flexslew_plant.graph import topics
 from flexslew_plant.measurement import EffortCommand, Measurement
@@ -235,7 +236,7 @@ class ControllerLink:
             return
         try:
             yield command_from(data)
-        except ValueError as error:
+        except BadInput as error:
             if not self._warned:
                 self._warned = True
                 what = UnexpectedMessage(topics.EFFORT_COMMAND, self._node.get_name(), str(error))

@@ -11,11 +11,11 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from flexslew_plant.bench.operation.run_state import PAUSED, WAITING, Reply
+from flexslew_plant.bench.operation.run_state import PAUSED, WAITING
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
-from flexslew_plant.refusal import Refusal
+from flexslew_plant.refusal import Refusal, Reply
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import requested_tick, stamp
 from flexslew_plant.ros.offers import publisher
@@ -160,7 +160,7 @@ class Services:
     def _done(self, reply: Any, outcome: Reply) -> Any:
         """Fill in the fields that most replies have."""
         reply.ok, reply.message = outcome.ok, outcome.message
-        reply.tick = self._bench.tick
+        reply.tick = outcome.tick or self._bench.tick
         self._loop.hurry()
         return reply
 
@@ -206,23 +206,15 @@ class Services:
             return reply
         here = sorted(self._status_monitor.counted)  # controllers that have ever sent a status
         result = self._bench.inject(text, tick, request.who, here)
-        self._loop.hurry()
-        reply.ok, reply.message, reply.tick = result.ok, result.message, result.tick
         reply.number = result.number
-        return reply
+        return self._done(reply, result)
 
     def _on_retarget(self, request: Any, reply: Any) -> Any:
         tick = self._tick(request.at)
-        result = self._bench.retarget(request.target, tick, request.who)
-        self._loop.hurry()
-        reply.ok, reply.message, reply.tick = result.ok, result.message, result.tick
-        return reply
+        return self._done(reply, self._bench.retarget(request.target, tick, request.who))
 
     def _tick(self, at: Time) -> int:
         return requested_tick(at, self._bench.settings.period, self._bench.tick)
 
     def _on_end_fault(self, request: Any, reply: Any) -> Any:
-        result = self._bench.end_fault(request.number, request.who)
-        self._loop.hurry()
-        reply.ok, reply.message, reply.tick = result.ok, result.message, result.tick
-        return reply
+        return self._done(reply, self._bench.end_fault(request.number, request.who))

@@ -13,9 +13,10 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 from rclpy.task import Future
 
-from flexslew_plant.bench.operation.run_state import FINISHED, PAUSED, Reply
+from flexslew_plant.bench.operation.run_state import FINISHED, PAUSED
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.graph import topics
+from flexslew_plant.refusal import Reply
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.plant.requests import add_service
 
