@@ -87,7 +87,11 @@ def test_beside_an_installed_ros_the_rest_of_the_lock_fits_its_numpy() -> None:
     """Ubuntu 24.04, of Jazzy and Kilted: Python 3.12 with NumPy 1.26.4."""
     there = {"python_version": "3.12", "python_full_version": "3.12.3", "extra": ""}
     for pin, _ in beside_installed_ros():
-        for line in distribution(pin.name).requires or ():
+        installed = distribution_or_none(pin.name)
+        if installed is None:
+            assert pin.marker  # of another Python
+            continue
+        for line in installed.requires or ():
             needed = Requirement(line)
             if needed.name == "numpy" and (not needed.marker or needed.marker.evaluate(there)):
                 assert needed.specifier.contains("1.26.4"), f"{pin.name} needs {line}"
