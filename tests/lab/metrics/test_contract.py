@@ -157,7 +157,7 @@ def test_a_metric_of_the_user_s_own_is_measured_in_every_run(tmp_path: Path) -> 
     bag = BagReader(tmp_path / "run/bag", trust=ANY_CODE)
     assert user_keys_of(bag)["travel"].unit == "rad or m"
     rows = metric_rows(result.metrics, {"base_yaw": "rad"}, user_keys_of(bag))
-    assert next(unit for name, _, unit in rows if name == "travel") == "rad"
+    assert next(row[2] for row in rows if row[0] == "travel") == "rad"
     metrics = metrics_of(tmp_path / "run/bag")  # as a received log is read
     assert "travel" not in metrics
     assert f"allow it with --trust {tmp_path}/travel.py:Travel" in metrics["warnings"][0]

@@ -103,7 +103,7 @@ def test_the_command_ends_with_1_and_the_final_error_comes_before_the_tip(
     with pytest.raises(SystemExit) as left:
         main()
     assert left.value.code == 1
-    told = " ".join(capsys.readouterr().err.split())
+    told = " ".join(capsys.readouterr().out.split())
     assert told.index("final error: base_yaw") < told.index("tip deflection after")
     page = (run / "report.html").read_text()
     assert page.index("final error") < page.index("residual tip deflection")

@@ -397,7 +397,7 @@ def test_an_injected_fault_does_what_a_scheduled_one_does() -> None:
 
     answers: list[Any] = []
     run, scheduled = Run(settings(), meanwhile=inject), with_fault("command_lost")
-    assert answers[0] == (200, "command_lost from 2 s on (tick 200, no. 0)", 0, None)
+    assert answers[0] == Reply("command_lost from 2 s on (tick 200, no. 0)", tick=200, number=0)
     assert np.array_equal(run.states, scheduled.states)
     (wish,) = run.of("injected")
     assert wish.data["start"] == 200

@@ -5,12 +5,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from flexslew_lab.report.page import write_page
-from flexslew_lab.report.panels import Group
-from flexslew_lab.report.sections import page_of_sections
 from flexslew_plant.errors import BadInput
+
+if TYPE_CHECKING:
+    from flexslew_lab.report.panels import Group
 
 _NUMBER = re.compile(r"^[-+]?\d[\d.e+-]*( %)?$")
 
@@ -35,7 +35,7 @@ class Reproduction(NamedTuple):
         ]
 
     @property
-    def figures(self) -> Callable[[], dict[str, Group]] | None:
+    def figures(self) -> "Callable[[], dict[str, Group]] | None":
         """The function that gives figures by name; None where there are none."""
         return self._function(self.figures_name) if self.figures_name else None
 
@@ -91,6 +91,9 @@ def write_figures(name: str, path: Path) -> None:
     Raises:
         BadInput: it has no figures.
     """
+    from flexslew_lab.report.page import write_page
+    from flexslew_lab.report.sections import page_of_sections
+
     draw = REPRODUCTIONS[name].figures
     if draw is None:
         names = ", ".join(key for key, entry in REPRODUCTIONS.items() if entry.figures_name)

@@ -3,7 +3,7 @@
 One of the user's own needs no line: `kind: my_testbed.py:MyTestbed`, or an entry point of the
 group flexslew.testbeds.
 
-Offers: appendages, attitude, beam, compiled.bound, compiled.dynamics, compiled.interface,
+Offers: attitude, beam, compiled.bound, compiled.dynamics, compiled.interface,
 compiled.scalar_kernel, compiled.batch_kernel, compiled.mass, compiled.push, compiled.traced_kernel,
 contract, csa, floating_oscillator, hub_with_appendages, identified, instruments,
 instruments.instrument, instruments.packed_readers, integration_error, kernels, linearisation,
