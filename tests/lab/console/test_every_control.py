@@ -15,13 +15,12 @@ from flexslew_plant.events import OperatorNote
 from flexslew_plant.events.event import event_of
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize(
     ("width", "webgl"),
     [
-        (1440, True),
-        (390, False),
+        pytest.param(1440, True, marks=pytest.mark.browser),
+        (390, False),  # the one walk of every run of the tests
     ],
 )
 def test_every_control_does_what_it_is_for(
