@@ -264,12 +264,11 @@ def plot(
         BadInput: if there is no such run, channel or style, or the file cannot be written.
         ModuleNotFoundError: if Matplotlib is not installed.
     """
-    from flexslew_lab.publication.channels import labelled_runs
+    from flexslew_lab.publication.channels import labelled_runs, names_in
     from flexslew_lab.publication.figure import draw_runs
 
-    names = [name for name in show.split(",") if name] if isinstance(show, str) else show
     target = None if to is None else place(to, "to")
-    return draw_runs(labelled_runs(runs, labels), names, target, style, width, latex)
+    return draw_runs(labelled_runs(runs, labels), names_in(show), target, style, width, latex)
 
 
 def _count(given: Any, key: str) -> int:

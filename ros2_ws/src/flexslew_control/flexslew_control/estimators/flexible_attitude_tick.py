@@ -143,12 +143,13 @@ def _motion(data: FlexibleNumbers, mode: int, here: Vector) -> Vector:
 def flexible_tick(kernel: BatchKernel, steps: int) -> FlexibleTick:
     """Return the tick of the filters of crafts with the same equations.
 
-    It takes (k, sensors, crafts, told, reference, memory, place, found, filled) and writes what is
-    estimated at tick k, from 0 on, one after another. `sensors` are AttitudeNumbers of trackers
-    with equal delays, `crafts` FlexibleNumbers, row by row: one for all, or one for each. `told`:
-    readings of all tips at this tick, then the efforts before it, (filled, tips + efforts).
-    reference: of the joints, (joints,). memory: in and out, (filled, flexible_memory), anything at
-    tick 0. place: an array of the kernel. found: attitudes, then body rates, (filled, 7).
+    It takes (k, sensors, filters, measured, reference, memory, place, found, filled) and writes
+    what is estimated at tick k, from 0 on, one after another. `sensors` are AttitudeNumbers of
+    trackers with equal delays, `filters` FlexibleNumbers, row by row: one for all, or one for each.
+    measured: readings of all tips at this tick, then the efforts before it, (filled, tips +
+    efforts). reference: of the joints, (joints,). memory: in and out, (filled, flexible_memory),
+    anything at tick 0. place: an array of the kernel. found: attitudes, then body rates,
+    (filled, 7).
 
     Args:
         kernel: the equations of all the filters.

@@ -43,7 +43,7 @@ def figure(
     Example: `./flexslew figure runs/a runs/b --show tip,effort --to f.pdf`
     """
     from flexslew_lab.publication.animation import write_animation
-    from flexslew_lab.publication.channels import labelled_runs
+    from flexslew_lab.publication.channels import labelled_runs, names_in
     from flexslew_lab.publication.figure import draw_runs
     from flexslew_lab.publication.metric_table import write_metric_table
 
@@ -56,9 +56,9 @@ def figure(
         if to is not None or table is not None:
             read_runs = labelled_runs(runs, label or (), trusted)
         if to is not None:
-            draw_runs(read_runs, _names(show), to, style, width, latex)
+            draw_runs(read_runs, names_in(show), to, style, width, latex)
         if table is not None:
-            write_metric_table(read_runs, table, _names(metrics))
+            write_metric_table(read_runs, table, names_in(metrics))
         if animation is not None:
             write_animation(runs[0], animation, seconds, trust=trusted)
     for path in filter(None, (to, table, animation)):
@@ -91,7 +91,3 @@ def archive(
     with display_progress("archive", words="packing"):
         written = write_archive(run, target, stated, print_message, Trust.of(trust or ()))
     print_message(f"written {link(written)}")
-
-
-def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",") if name.strip()]

@@ -49,7 +49,7 @@ def _study_sections(study: Study, store: Store, found: dict[str, Any]) -> Iterat
     yield _criteria(found)
     yield from _metrics(found)
     yield _pairs(found)
-    names = _shown(study, found["metrics"])
+    names = _figure_metrics(study, found["metrics"])
     for name in names:
         unit = found["metrics"][name]["unit"]
         each = figures.columns(study, store, name)
@@ -72,7 +72,7 @@ def _study_sections(study: Study, store: Store, found: dict[str, Any]) -> Iterat
     yield from _execution(found)
 
 
-def _shown(study: Study, metrics: Sequence[str] | dict[str, Any]) -> list[str]:
+def _figure_metrics(study: Study, metrics: Sequence[str] | dict[str, Any]) -> list[str]:
     """Return the metrics with figures: those of criteria, then the usual ones."""
     names = dict.fromkeys([*study.settings.criteria, *_FIRST])
     return [name for name in names if name in metrics][:_MAX_FIGURES]
@@ -210,7 +210,7 @@ def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any
         Table("Metrics", "", ("metric", *means, *quantiles), rows),
         Table("Criteria", "", header, criteria),
     ]
-    for name in _shown(opened[0][0], common):
+    for name in _figure_metrics(opened[0][0], common):
         each = {
             ", ".join(filter(None, (called, label))): values
             for called, (study, store) in zip(studies, opened, strict=True)

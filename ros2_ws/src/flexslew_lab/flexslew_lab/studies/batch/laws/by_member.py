@@ -163,10 +163,8 @@ def equations(kernels: Kernels, before: int, n: int) -> PredictionFunctions:
 def kalman(kernels: Kernels, before: int, n: int, sizes: MemberSizes) -> ObserverStep:
     """Return the KalmanFilter that predicts by equations; its memory is [x, P]."""
     it, outputs = equations(kernels, before, n), sizes.outputs
-    states, predict = (
-        sizes.estimate - outputs,
-        called(kalman_prediction(n, it.jacobian, it.advance)),
-    )
+    states = sizes.estimate - outputs
+    predict = called(kalman_prediction(n, it.jacobian, it.advance))
 
     @called
     def step(

@@ -78,7 +78,7 @@ class LawTerms(NamedTuple):
 def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callable[..., None]:
     """Return what writes the efforts of a tick and takes the integral to the next one.
 
-    It takes (k, t, dt, Troubles, LawNumbers, RotationJoints, z, w, number of members in use).
+    It takes (k, t, dt, Disturbances, LawNumbers, RotationJoints, z, w, number of members in use).
 
     Args:
         total: where the efforts stand that the kernel holds.
