@@ -16,10 +16,10 @@ import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
+from flexslew_lab.ros.operator import connected
 from flexslew_lab.run.processes import NodeProcess
 from flexslew_lab.run.run_trial import run_trial
 from tests.page_client import PageClient
-from tests.ros.bystander import held
 from tests.ros.console_page import console, trial_file
 from tests.ros.flight import Flight, slew
 
@@ -70,25 +70,25 @@ def test_a_bench_stays_whole_whatever_is_clicked_and_flies_again(
 
 
 def test_a_hung_page_and_a_killed_console_change_no_bit(tmp_path: Path) -> None:
-    trial = slew(duration=150.0)
+    trial = slew(duration=600.0)
     alone = run_trial(trial, "test", tmp_path / "alone", in_process=True, report=False)
     killed: list[str] = []
-    pages: list[PageClient] = []
 
-    def disturb(pids: dict[str, int]) -> None:
-        with held(pids["plant"]):
-            address = opened(tmp_path / "flight" / "nodes.log")
-            pages.append(PageClient(address, hangs=True))
-            page = PageClient(address)
-        until(lambda: ">running<" in page.text, page)
-        os.kill(pids["console"], signal.SIGKILL)
-        killed.append(page.text)
+    def disturb(console: int, domain: int) -> None:
+        address = opened(tmp_path / "flight" / "nodes.log")
+        pages = [PageClient(address, hangs=True), PageClient(address)]
+        with connected(domain, patience=WALL) as bench:
+            bench.act("start")
+        until(lambda: ">running<" in pages[1].text, pages[1])
+        os.kill(console, signal.SIGKILL)
+        killed.append(pages[1].text)
 
     def begin(pids: dict[str, int], domain: int) -> None:
-        Thread(target=disturb, args=(pids,)).start()  # the supervisor goes on to read what they say
+        # beside the supervisor, which goes on to read what the nodes print
+        Thread(target=disturb, args=(pids["console"], domain)).start()
 
     viewer = NodeProcess("console", "flexslew_lab", "console", {"port": 0})
-    flight = Flight(trial, tmp_path / "flight", 100, begin, [viewer])
+    flight = Flight(trial, tmp_path / "flight", extra=[viewer], begin=begin)
     assert killed
     assert flight.metrics["trajectory_hash"] == alone.metrics["trajectory_hash"]
 
