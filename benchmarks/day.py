@@ -65,7 +65,7 @@ class AllTopics(BagObserver):
 
     def __init__(self, writer: BagWriter) -> None:
         super().__init__(writer)
-        self._status: dict[str, dict[str, Any]] = {}
+        self._status: list[dict[str, Any]] = []
         markers = [{"ns": "hub", "id": k, "points": [{"x": 1.0}] * 21} for k in range(4)]
         transforms = [{"child_frame_id": name} for name in ("base", "hub")]
         self._fixed = {  # always the same bytes: what they show does not matter here
@@ -76,30 +76,29 @@ class AllTopics(BagObserver):
     def question(self, question: Measurement) -> None:
         """Write what goes out with a measurement."""
         super().question(question)
-        self._put("/clock", clock=self._now)
+        self._put("/clock", {"clock": self._now})
         if question.tick % DISPLAY_EVERY == 0:
             header = {"stamp": self._now, "frame_id": ""}
-            self._put(
-                "/joint_states",
-                header=header,
-                name=["base_yaw", "hub_pitch"],
-                position=question.joint_position,
-                velocity=question.joint_velocity,
-                effort=question.applied_effort,
-            )
-            self._put("/appendage_states", header=header)
+            joints = {
+                "header": header,
+                "name": ["base_yaw", "hub_pitch"],
+                "position": question.joint_position,
+                "velocity": question.joint_velocity,
+                "effort": question.applied_effort,
+            }
+            self._put("/joint_states", joints)
+            self._put("/appendage_states", {"header": header})
             at = self._now.sec * 10**9 + self._now.nanosec
             for topic, data in self._fixed.items():
                 self._writer.write(topic, TOPICS[topic].type, data, at)
         if question.tick % STATUS_EVERY == 0:
-            for status in self._status.values():
-                message = status | {"stamp": self._now, "last_tick": question.tick}
-                super()._put("/controller_status", **message)
+            for fields in self._status:
+                super().status(fields | {"last_tick": question.tick})
 
-    def _put(self, topic: str, **message: Any) -> None:
-        if topic == "/controller_status":
-            self._status[message["controller"]] = message
-        super()._put(topic, **message)
+    def status(self, fields: dict[str, Any]) -> Any:
+        """Write the status of a controller, now and at intervals from now on."""
+        self._status.append(fields)
+        return super().status(fields)
 
 
 def record(folder: Path, hours: float) -> dict[str, float]:

@@ -4,11 +4,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from flexslew_msgs import msg
 
+from flexslew_control.plan_service.requests import AnnouncedTestbed, PlanRequests
 from flexslew_control.planning import StartOfPlan
 from flexslew_control.ros import planner_node
-from flexslew_control.ros.plan_requests import PlanRequests
 from flexslew_control.ros.planner_node import Planner
 from flexslew_plant.bench.operation.presence import Heartbeat, Heartbeats
 from flexslew_plant.own_code import NO_CODE
@@ -38,5 +37,5 @@ def test_who_beat_before_a_long_plan_was_written_is_there_after_it(
 def test_a_trajectory_may_come_before_the_testbed_of_a_bench_that_flies(period: float) -> None:
     clock: Any = SimpleNamespace(now=lambda: 100.0, later=lambda wait: wait)
     requests = PlanRequests(clock, NO_CODE, lambda start: StartOfPlan())
-    requests.testbed = msg.Testbed(period=period)
+    requests.testbed = AnnouncedTestbed(period=period)
     assert requests.next_start() == pytest.approx(101.0 if period else 0.0)

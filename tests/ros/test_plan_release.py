@@ -10,7 +10,7 @@ from flexslew_msgs.msg import BenchState, ControllerStatus, Event, Plan
 
 from flexslew_control.plan_file import plan_hash
 from flexslew_control.planners import make_plan, plan_settings
-from flexslew_control.ros.plan_release import PlanRelease
+from flexslew_control.ros.plan_release import NodePlanRelease
 from flexslew_lab.run.domain import locked_domain
 from flexslew_lab.trial.trial import Trial, plant_of
 from flexslew_plant.events import PlanRejected, event_of
@@ -48,7 +48,7 @@ def test_the_plan_of_tick_0_waits_until_it_is_known_where_the_bench_is(
     loop: Loop, at: float, told: str
 ) -> None:
     node, bench = rclpy.create_node("planner"), rclpy.create_node("plant")
-    release = PlanRelease(node, loop, loop.live(node, "planner"), ())
+    release = NodePlanRelease(node, loop, loop.live(node, "planner"), ())
     loop.add(bench)
     heard: list[str] = []
     events = qos(topics.TOPICS[topics.EVENTS])
@@ -76,7 +76,7 @@ def test_in_flight_the_plan_of_tick_0_waits_until_it_is_known_who_follows_it(
     node, bench = rclpy.create_node("planner"), rclpy.create_node("plant")
     loop.add(bench)
     state, status = publisher(bench, topics.BENCH_STATE), publisher(bench, topics.CONTROLLER_STATUS)
-    release = PlanRelease(node, loop, loop.live(node, "planner"), ())
+    release = NodePlanRelease(node, loop, loop.live(node, "planner"), ())
     told: list[str] = []
     for kind, topic in ((Event, topics.EVENTS), (Plan, topics.PLAN)):
         name = kind.__name__
@@ -102,7 +102,7 @@ def test_in_flight_the_plan_of_tick_0_waits_until_it_is_known_who_follows_it(
 
 def test_a_newcomer_does_not_hear_the_plan_that_all_have_refused(loop: Loop) -> None:
     node, bench = rclpy.create_node("planner"), rclpy.create_node("plant")
-    release = PlanRelease(node, loop, loop.live(node, "planner"), ())
+    release = NodePlanRelease(node, loop, loop.live(node, "planner"), ())
     loop.add(bench)
     state, status = publisher(bench, topics.BENCH_STATE), publisher(bench, topics.CONTROLLER_STATUS)
     assert release.notify(announcement())

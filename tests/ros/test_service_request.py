@@ -4,12 +4,10 @@ from math import inf, nan
 from typing import Any
 
 import pytest
-from builtin_interfaces.msg import Time
 from flexslew_msgs import action, srv
 
 from flexslew_lab.ros.service_request import request_of
 from flexslew_plant.errors import BadInput
-from flexslew_plant.ros.messages import requested_tick
 
 
 def test_values_of_their_types_become_a_request() -> None:
@@ -38,19 +36,3 @@ def test_values_of_their_types_become_a_request() -> None:
 def test_anything_else_is_refused_with_its_field(kind: Any, values: dict[str, Any]) -> None:
     with pytest.raises(BadInput, match=next(iter(values))):
         request_of(kind.Request, values)
-
-
-@pytest.mark.parametrize(
-    ("at", "tick", "asked"),
-    [
-        (Time(), 0, 0),
-        (Time(), 200, 0),  # the next one
-        (Time(nanosec=4_000_000), 0, 0),
-        (Time(nanosec=4_000_000), 200, -1),  # tick 0 is over
-        (Time(sec=-5), 0, -500),
-        (Time(sec=-5), 200, -500),
-        (Time(sec=1, nanosec=6_000_000), 200, 101),
-    ],
-)
-def test_only_a_time_of_zero_stands_for_the_next_tick(at: Time, tick: int, asked: int) -> None:
-    assert requested_tick(at, 0.01, tick) == asked

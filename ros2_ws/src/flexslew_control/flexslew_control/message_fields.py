@@ -5,12 +5,14 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.controllers.controller import Answer
+from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.wire import Stamp
 from flexslew_plant.errors import BadInput
 from flexslew_plant.message_codec import packer
+from flexslew_plant.refusal import Refusal
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.yaml_data import load_yaml, yaml_text
 
@@ -71,6 +73,32 @@ def plan_fields(plan: Plan, attitude: AttitudeJoints | None = None) -> dict[str,
             {} if attitude is None else {"orientation": attitude.orientation(plan.position).ravel()}
         ),
         **{name: yaml_text(getattr(plan, name)) for name in YAML_FIELDS},
+    }
+
+
+def status_fields(
+    host: ControllerHost, law: str, reason: Refusal | None, settings: str
+) -> dict[str, Any]:
+    """Return the fields of flexslew_msgs/ControllerStatus but for its stamp and instance.
+
+    Args:
+        host: the controller.
+        law: name of its law.
+        reason: why it could not take charge now; None: it could.
+        settings: of the law, and what was computed from them, YAML.
+    """
+    return {
+        "controller": host.name,
+        "law": law,
+        "ready": reason is None,
+        "reason": str(reason or ""),
+        "last_tick": host.last_tick,
+        "epoch": host.epoch,
+        "plan_hash": host.plan_hash,
+        "settings": settings,
+        "plan_number": host.plan_count,
+        "plan_epoch": host.plan_from[0],
+        "plan_tick": host.plan_from[1],
     }
 
 

@@ -10,6 +10,7 @@ from rclpy.subscription import Subscription
 
 from flexslew_control.controllers import settings_text
 from flexslew_control.controllers.host import ControllerHost
+from flexslew_control.message_fields import status_fields
 from flexslew_control.ros.turn import INACTIVE
 from flexslew_plant.graph import topics
 from flexslew_plant.refusal import Cause, Refusal
@@ -94,18 +95,8 @@ class StatusPublisher:
         self._status.publish(
             msg.ControllerStatus(
                 stamp=stamp(host.last_tick * period),
-                controller=host.name,
-                law=self._law,
-                ready=reason is None,
-                reason=str(reason or ""),
-                last_tick=host.last_tick,
-                epoch=host.epoch,
-                plan_hash=host.plan_hash,
-                settings=self._settings,
-                plan_number=host.plan_count,
-                plan_epoch=host.plan_from[0],
-                plan_tick=host.plan_from[1],
                 instance=self._alive.heartbeat.instance,
+                **status_fields(host, self._law, reason, self._settings),
             )
         )
 

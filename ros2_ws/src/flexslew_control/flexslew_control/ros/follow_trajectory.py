@@ -17,10 +17,9 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectoryPoint
 
+from flexslew_control.plan_service.job import BUSY, CANCELED, Outcome, PlanJob
 from flexslew_control.ros.bench_clock import BenchClock
-from flexslew_control.ros.plan_job import Outcome, PlanJob
-from flexslew_control.ros.plan_release import PlanRelease
-from flexslew_control.ros.plan_result import BUSY, CANCELED
+from flexslew_control.ros.plan_release import NodePlanRelease
 from flexslew_control.ros.trajectories import trajectory_section
 from flexslew_control.tracking import Tolerance, Tracked, Tracking, TrackingCode, TrackingEnd
 from flexslew_plant.errors import BadInput
@@ -45,7 +44,7 @@ class FollowTrajectory:
         release: release that publishes the plan.
     """
 
-    def __init__(self, node: Node, loop: Loop, job: PlanJob, release: PlanRelease) -> None:
+    def __init__(self, node: Node, loop: Loop, job: PlanJob, release: NodePlanRelease) -> None:
         from control_msgs.action import FollowJointTrajectory
 
         self._kind: Any = FollowJointTrajectory
@@ -248,7 +247,7 @@ class _Flight:
 
 
 def follow_trajectory(
-    node: Node, loop: Loop, job: PlanJob, release: PlanRelease
+    node: Node, loop: Loop, job: PlanJob, release: NodePlanRelease
 ) -> FollowTrajectory | None:
     """Return what serves the action; None where `control_msgs` is not installed."""
     return FollowTrajectory(node, loop, job, release) if INSTALLED else None

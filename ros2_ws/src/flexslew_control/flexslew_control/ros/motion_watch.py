@@ -9,8 +9,9 @@ from flexslew_msgs.msg import AppendageState
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from flexslew_control.known_motion import PREDICTED, KnownMotion, at_rest, with_tip_motion
+from flexslew_control.known_motion import PREDICTED, KnownMotion, with_tip_motion
 from flexslew_control.plan import Plan
+from flexslew_control.plan_service.job import motion_request
 from flexslew_control.planning import MotionRequest, PlanRequest
 from flexslew_plant.graph import topics
 from flexslew_plant.ros.messages import seconds_of
@@ -55,9 +56,7 @@ class MotionWatch:
         motion = self._motion(plan.period)
         if motion is None:
             return plan if monotonic() > self._until else None
-        if request.beginning.law is None or at_rest(motion, plan):
-            return plan
-        return MotionRequest(plan, self._before(plan, motion.tick), motion, request)
+        return motion_request(plan, request, motion, self._before)
 
     def included(self, plan: Plan) -> Plan:
         """Return a plan with a bound that includes the swing; see with_tip_motion."""

@@ -10,10 +10,11 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from flexslew_control.plan import Plan
+from flexslew_control.plan_service.job import BUSY, Client, Outcome, PlanJob
+from flexslew_control.planning import Iteration
 from flexslew_control.ros.motion_watch import MotionWatch
-from flexslew_control.ros.plan_job import Outcome, PlanJob
-from flexslew_control.ros.plan_release import PlanRelease
-from flexslew_control.ros.plan_result import BUSY, plan_result
+from flexslew_control.ros.plan_release import NodePlanRelease
+from flexslew_control.ros.plan_result import plan_result
 from flexslew_plant.graph import topics
 from flexslew_plant.ros.loop import Loop
 
@@ -28,7 +29,7 @@ class PlanActions:
         release: that publishes or keeps plans.
     """
 
-    def __init__(self, node: Node, loop: Loop, job: PlanJob, release: PlanRelease) -> None:
+    def __init__(self, node: Node, loop: Loop, job: PlanJob, release: NodePlanRelease) -> None:
         self._node, self._loop, self._job, self._release = node, loop, job, release
         self._servers = [
             ActionServer(
@@ -75,7 +76,7 @@ class PlanActions:
         self._job.ask(
             partial(requests.request, request.request, request.period, request.effort_limit),
             done.set_result,
-            goal,
+            Client(partial(_publish, goal), lambda: goal.is_cancel_requested),
             partial(self._release.late, flight),
             None if watch is None else watch.required,
         )
@@ -84,3 +85,10 @@ class PlanActions:
             watch.end()
         checked = self._release.checked(outcome, flight)
         return watch.included(checked) if watch and isinstance(checked, Plan) else checked
+
+
+def _publish(goal: ServerGoalHandle, iteration: Iteration) -> None:
+    """Send an iteration to the client of a goal."""
+    values = iteration._asdict()
+    number = values.pop("number")
+    goal.publish_feedback(action.PlanSlew.Feedback(iteration=number, **values))

@@ -9,9 +9,6 @@ from flexslew_control.planned_course import PlanResponse
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.refusal import Cause, Refusal
 
-CANCELED = Refusal("canceled by the client", cause=Cause.CANCELED)
-BUSY = Refusal("another plan is being made; cancel it, or wait", cause=Cause.NO_MANOEUVRE)
-
 
 def failure(why: Refusal) -> BadInput | PlanFailed:
     """Return why there is no plan of the parameters, as the error that ends the node."""

@@ -5,9 +5,8 @@ from functools import partial
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
-from flexslew_control.ros.plan_job import Outcome, PlanJob
-from flexslew_control.ros.plan_release import PlanRelease
-from flexslew_control.ros.plan_result import BUSY
+from flexslew_control.plan_service.job import BUSY, Outcome, PlanJob
+from flexslew_control.plan_service.release import PlanRelease
 from flexslew_control.ros.trajectories import METHOD, trajectory_section
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics

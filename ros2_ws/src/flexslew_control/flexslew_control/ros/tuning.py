@@ -11,10 +11,11 @@ from rclpy.parameter import Parameter
 
 from flexslew_control.controllers import CONTROLLERS, CommonSettings, law_values, with_file
 from flexslew_control.controllers.host import ControllerHost
+from flexslew_plant.bench.due_ticks import requested_tick
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 from flexslew_plant.keys.settings_fields import describe_fields
-from flexslew_plant.ros.messages import requested_tick
+from flexslew_plant.ros.messages import seconds_of
 from flexslew_plant.ros.offers import service
 from flexslew_plant.ros.parameters import declare, handle_changes, requested_text
 from flexslew_plant.settings import flat, validated
@@ -82,7 +83,7 @@ class Tuning:
             reply.message = "settings: give YAML keys, for example {kp: [500.0, 500.0]}"
             return reply
         here, period = (controller.last_tick, controller.period) if controller else (0, 1.0)
-        tick = requested_tick(request.at, period, here)
+        tick = requested_tick(seconds_of(request.at), period, here)
         done = self._host.tune(changes, tick, request.who, self._make_in_thread)
         reply.ok, reply.message, reply.tick = done.ok, done.message, done.tick
         if reply.ok:

@@ -9,8 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from threading import Event as Signal
 from threading import Thread
-from typing import IO, Annotated
+from typing import IO, TYPE_CHECKING, Annotated
 
 import typer
 
@@ -24,6 +25,11 @@ from flexslew_lab.run.domain import bench_domain
 from flexslew_lab.trial.outputs import bag_folder
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
+
+if TYPE_CHECKING:
+    from flexslew_lab.console.page import Page
+    from flexslew_lab.run.run_trial import Result
+    from flexslew_lab.trial.trial import Trial
 
 _GRACE = 10.0  # for the page to end [wall s]
 _NO_END = 1e9  # of a run without an end [s]
@@ -50,6 +56,9 @@ def console(
     open_ended: Annotated[
         bool, typer.Option("--open-ended", help="Run until Ctrl-C, without an end.")
     ] = False,
+    in_process: Annotated[
+        bool, typer.Option("--in-process", help="Without ROS 2, in one process.")
+    ] = False,
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Only print the address of the page.")
     ] = False,
@@ -68,8 +77,9 @@ def console(
         raise BadInput("0 is as fast as possible, 1 real time", key="--rate", value=rate)
     if sum((file is not None, attach, replay is not None)) > 1:
         raise BadInput("console: give one of a trial, --attach and --replay")
-    if open_ended and (attach or replay is not None):
-        raise BadInput("console: --open-ended is for a trial, not for --attach or --replay")
+    for option, given in (("--open-ended", open_ended), ("--in-process", in_process)):
+        if given and (attach or replay is not None):
+            raise BadInput(f"console: {option} is for a trial, not for --attach or --replay")
     if namespace and not attach:
         raise BadInput("console: --namespace is for --attach")
     if replay is not None:
@@ -77,11 +87,14 @@ def console(
 
         serve(bag_folder(replay), host, port, print_message, Trust.of(trust or ()), not no_browser)
         return
-    require_ros()
+    at = host, port, not no_browser
+    if not in_process:
+        require_ros()
     if attach:
-        _attach((host, port, not no_browser), namespace, tuple(trust or ()))
+        _attach(at, namespace, tuple(trust or ()))
     else:
-        raise typer.Exit(_run(file, sets, out, (rate, open_ended), (host, port, not no_browser)))
+        run = _run_in_process if in_process else _run
+        raise typer.Exit(run(file, sets, out, (rate, open_ended), at))
 
 
 def _attach(at: tuple[str, int, bool], namespace: str, trust: tuple[str, ...]) -> None:
@@ -104,22 +117,12 @@ def _run(
     at: tuple[str, int, bool],
 ) -> int:  # fmt: skip
     """Fly a trial together with its page; return the exit code."""
-    from dataclasses import replace
-
     from flexslew_lab.run.domain import locked_domain
     from flexslew_lab.run.run_trial import run_trial
-    from flexslew_lab.trial.outputs import new_folder
     from flexslew_lab.trial.own_code import user_code_names
-    from flexslew_lab.trial.sources import read_trial
 
-    requested, source = read_trial(file, sets)
-    rate, open_ended = rate_options
-    requested = replace(
-        requested, rate_factor=rate, duration=_NO_END if open_ended else requested.duration
-    )
-    folder = new_folder(requested.name, out)
-    words = ["./flexslew", "trial", file or "m1", *(f"--set={one}" for one in sets or ())]
-    page = partial(_page, folder, shlex.join(words), at, user_code_names(requested))
+    requested, source, folder, command = _requested(file, sets, out, rate_options)
+    page = partial(_page, folder, command, at, user_code_names(requested))
     with locked_domain(requested.name) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         with exit_timeout(NODES_EXIT_TIMEOUT), page() as child:
@@ -132,14 +135,83 @@ def _run(
                     notify=print_message,
                     autostart=False,
                 )
-            report = folder / "report.html"
-            print_message(f"{link(report)}" if report.exists() else str(folder))
-            if result.exit_code == SIGNAL_EXIT_CODE:
-                return SIGNAL_EXIT_CODE
-            if result.message:
-                print_message(result.message)
-            print_message("the run is over; Ctrl-C ends the page")
-            child.wait()
+            if _print_result(result) != SIGNAL_EXIT_CODE:
+                child.wait()
+    return result.exit_code
+
+
+def _run_in_process(
+    file: str | None, sets: list[str] | None, out: Path | None, rate_options: tuple[float, bool],
+    at: tuple[str, int, bool],
+) -> int:  # fmt: skip
+    """Fly a trial in this process, which serves its page too; return the exit code."""
+    from flexslew_lab.console.in_process.link import InProcessLink
+    from flexslew_lab.console.page import Page
+    from flexslew_lab.run.run_trial import finished, run_trial
+
+    requested, source, folder, command = _requested(file, sets, out, rate_options)
+    host, port, browser = at
+    bench = InProcessLink(str(folder.resolve()), command, requested.trust)
+    page, over = Page(bench, host, port, print_message), Signal()
+    if browser:
+        page.server.open_browser()
+    pages = Thread(target=_serve, args=(page, over))
+    pages.start()
+    try:
+        with display_progress(requested.name, "ticks", "flying") as on_progress:
+            result = run_trial(
+                requested, source, folder, in_process=bench.fly, progress=on_progress,
+                notify=print_message,
+            )  # fmt: skip
+        _print_result(result)
+        over.wait()
+        return result.exit_code
+    except KeyboardInterrupt:
+        report = folder / "report.html"
+        if not report.exists() and (folder / "bag").exists():
+            finished(folder, requested.trust, report=False)
+            print_message(str(folder))
+            return SIGNAL_EXIT_CODE
+        return result.exit_code
+    finally:
+        over.set()
+        pages.join()
+
+
+def _serve(page: "Page", over: Signal) -> None:
+    """Serve a page until it is over."""
+    try:
+        while not over.wait(page.poll()):
+            pass
+    finally:
+        page.close()
+
+
+def _requested(
+    file: str | None, sets: list[str] | None, out: Path | None, rate_options: tuple[float, bool]
+) -> tuple["Trial", str, Path, str]:
+    """Return the trial, its file, the folder of its run, and the command that repeats it."""
+    from dataclasses import replace
+
+    from flexslew_lab.trial.outputs import new_folder
+    from flexslew_lab.trial.sources import read_trial
+
+    requested, source = read_trial(file, sets)
+    rate, open_ended = rate_options
+    duration = _NO_END if open_ended else requested.duration
+    requested = replace(requested, rate_factor=rate, duration=duration)
+    words = ["./flexslew", "trial", file or "m1", *(f"--set={one}" for one in sets or ())]
+    return requested, source, new_folder(requested.name, out), shlex.join(words)
+
+
+def _print_result(result: "Result") -> int:
+    """Print what a run left behind; return its exit code."""
+    report = result.folder / "report.html"
+    print_message(f"{link(report)}" if report.exists() else str(result.folder))
+    if result.exit_code != SIGNAL_EXIT_CODE:
+        if result.message:
+            print_message(result.message)
+        print_message("the run is over; Ctrl-C ends the page")
     return result.exit_code
 
 

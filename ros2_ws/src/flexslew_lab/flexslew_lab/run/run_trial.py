@@ -41,6 +41,8 @@ from flexslew_plant.own_code import Trust
 from flexslew_plant.testbeds.contract import HasDoubts
 
 Progress = Callable[[int, int], None]  # tick, last tick
+# flies a trial in this process into a log, and reports its ticks
+Fly = Callable[["PreparedTrial", BagObserver, Callable[[int], None]], None]
 CHECK_FAILED = 1  # exit code of a run that is done and has failed one of its checks
 
 
@@ -72,7 +74,7 @@ def run_trial(
     requested: Trial | PreparedTrial,
     source: str,
     out: Path | None = None,
-    in_process: bool = False,
+    in_process: bool | Fly = False,
     report: bool = True,
     progress: Progress = lambda tick, last: None,
     notify: Callable[[str], None] = lambda words: None,
@@ -85,7 +87,7 @@ def run_trial(
         requested: trial to fly; one that is prepared keeps its plan.
         source: its file, for messages and for the log.
         out: folder of the run; None: a new one below runs/.
-        in_process: without ROS.
+        in_process: without ROS; a function flies it there in its own way.
         report: write report.html too.
         progress: called with the tick and the last tick.
         notify: called with a line for the user.
@@ -122,7 +124,8 @@ def run_trial(
     }
     bag = folder / "bag"
     if in_process:
-        outcome = _in_process(prepared, bag, metadata, progress)
+        fly = _from_start_to_end if in_process is True else in_process
+        outcome = _in_process(prepared, bag, metadata, progress, fly=fly)
     else:
         outcome = _over_ros(trial, prepared.plan, folder, metadata, progress, notify, autostart)
     result, reader = _finished(folder, bag, outcome, trial.trust)
@@ -225,19 +228,27 @@ def _require_plan_size(plan: Plan, source: str) -> None:
         raise BadInput(f"{source}: plan: {words}")
 
 
+def _from_start_to_end(
+    prepared: PreparedTrial, observer: BagObserver, progress: Callable[[int], None]
+) -> None:
+    trial, bench, controllers, plan = prepared
+    observer.notify(trial, bench, plan, controllers)
+    run_bench(bench, controllers, observer, progress)
+
+
 def _in_process(
     prepared: PreparedTrial,
     bag: Path,
     metadata: dict[str, str],
     progress: Progress,
     bare: bool = False,
+    fly: Fly = _from_start_to_end,
 ) -> Outcome:
-    trial, bench, controllers, plan = prepared
+    bench = prepared.bench
     last = bench.last_tick or 0
-    with BagWriter(bag, {"trial": trial_text(trial), **metadata}) as writer:
+    with BagWriter(bag, {"trial": trial_text(prepared.trial), **metadata}) as writer:
         observer = BagObserver(writer, bare)
-        observer.notify(trial, bench, plan, controllers)
-        run_bench(bench, controllers, observer, lambda tick: progress(tick, last))
+        fly(prepared, observer, lambda tick: progress(tick, last))
         try:
             observer.close()
         except RecordingStopped as error:

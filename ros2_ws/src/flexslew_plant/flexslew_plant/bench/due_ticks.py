@@ -28,3 +28,15 @@ def too_late(tick: int, last_tick: int | None) -> Refusal | None:
         return None
     words = f"tick {tick} is too late: the run ends at tick {last_tick}"
     return Refusal(words, cause=Cause.RUN_OVER)
+
+
+def requested_tick(at: float, period: float, tick: int) -> int:
+    """Return the tick of a request: 0 for the next one, negative for one that is long past.
+
+    Args:
+        at: simulated time [s]; zero stands for the next tick.
+        period: length of a tick [s].
+        tick: current tick of the bench.
+    """
+    nearest = round(at / period)
+    return -1 if at and nearest == 0 < tick else nearest

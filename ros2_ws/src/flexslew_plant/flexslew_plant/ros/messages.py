@@ -40,18 +40,6 @@ def seconds_of(at: Time | Duration) -> float:
     return float(at.sec + at.nanosec * 1e-9)
 
 
-def requested_tick(at: Time, period: float, tick: int) -> int:
-    """Return the tick of a request: 0 for the next one, negative for one that is long past.
-
-    Args:
-        at: simulated time; zero stands for the next tick.
-        period: length of a tick [s].
-        tick: current tick of the bench.
-    """
-    nearest = round(seconds_of(at) / period)
-    return -1 if at != Time() and nearest == 0 < tick else nearest
-
-
 def doubles(values: Vector) -> "array[float]":
     """Return an array as the type that rclpy copies fastest."""
     return array("d", values.tobytes())

@@ -6,9 +6,11 @@ calls `poll`, and sends the messages in `outbox`.
 
 from collections import deque
 from collections.abc import Callable, Iterable
+from math import inf
 from typing import TypeAlias
 
 from flexslew_plant.bench.bench import Bench, SwitchRequest, Truth
+from flexslew_plant.bench.due_ticks import requested_tick
 from flexslew_plant.bench.operation.backlog import NodeProgress
 from flexslew_plant.bench.operation.pacing import TickTimer
 from flexslew_plant.bench.operation.presence import HEARTBEAT_PERIOD, Heartbeats
@@ -240,6 +242,27 @@ class Session:
             return Reply(refused=Refusal(words, "text"))
         self._note_request(Reply(), OperatorNote(text.strip(), who or NO_NAME))
         return Reply(f"noted at tick {self.bench.tick}")
+
+    def requested_switch(
+        self, controller: str, at: float, strict: bool, max_effort_step: float, who: str, now: float
+    ) -> tuple[SwitchRequest, Refusal | None]:
+        """Queue a switch as an operator requests it; return it, and why it is refused, or None.
+
+        Args:
+            controller: name of the controller that takes over.
+            at: simulated time [s]; zero stands for the next tick.
+            strict: whether a larger step of the effort than `max_effort_step` refuses the switch.
+            max_effort_step: [N m or N].
+            who: name of the operator.
+            now: wall clock [s].
+        """
+        bench, limit = self.bench, max_effort_step if strict else inf
+        tick = requested_tick(at, bench.settings.period, bench.tick)
+        tick = tick if bench.over(tick) else max(tick, bench.tick + 1)
+        request = SwitchRequest(controller, tick, strict, limit, who)
+        if limit < 0.0:
+            return request, Refusal("0 or more", "max_effort_step", limit)
+        return request, self.switch(request, now)
 
     def switch(self, request: SwitchRequest, now: float) -> Refusal | None:
         """Queue a switch; return why it is refused, or None. See Bench.request_switch.

@@ -11,13 +11,14 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from flexslew_plant.bench.due_ticks import requested_tick
 from flexslew_plant.bench.operation.run_state import PAUSED, WAITING
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 from flexslew_plant.refusal import Refusal, Reply
 from flexslew_plant.ros.loop import Loop
-from flexslew_plant.ros.messages import requested_tick, stamp
+from flexslew_plant.ros.messages import seconds_of, stamp
 from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.parameters import requested_text
 from flexslew_plant.ros.plant.requests import add_service
@@ -214,7 +215,7 @@ class Services:
         return self._done(reply, self._bench.retarget(request.target, tick, request.who))
 
     def _tick(self, at: Time) -> int:
-        return requested_tick(at, self._bench.settings.period, self._bench.tick)
+        return requested_tick(seconds_of(at), self._bench.settings.period, self._bench.tick)
 
     def _on_end_fault(self, request: Any, reply: Any) -> Any:
         return self._done(reply, self._bench.end_fault(request.number, request.who))

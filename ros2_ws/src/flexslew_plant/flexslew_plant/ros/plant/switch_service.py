@@ -11,9 +11,8 @@ from rclpy.task import Future
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.records import SwitchRequest, SwitchResult
 from flexslew_plant.graph import topics
-from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.loop import Loop
-from flexslew_plant.ros.messages import doubles, requested_tick
+from flexslew_plant.ros.messages import doubles, seconds_of
 from flexslew_plant.ros.plant.requests import add_service
 
 
@@ -57,16 +56,12 @@ class SwitchService:
     async def _on_switch(self, request: Any, reply: Any) -> Any:
         bench = self._session.bench
         reply.effort_step = doubles(0.0 * bench.limit)
-        requested = requested_tick(request.at, bench.settings.period, bench.tick)
-        tick = requested if bench.over(requested) else max(requested, bench.tick + 1)
+        switch_request, rejection = self._session.requested_switch(
+            request.controller, seconds_of(request.at), request.strict, request.max_effort_step,
+            request.who, monotonic(),
+        )  # fmt: skip
+        tick = switch_request.tick
         reply.tick = max(0, tick)
-        limit = request.max_effort_step if request.strict else inf
-        switch_request = SwitchRequest(request.controller, tick, request.strict, limit, request.who)
-        rejection = (
-            Refusal("0 or more", "max_effort_step", limit)
-            if limit < 0.0
-            else self._session.switch(switch_request, monotonic())
-        )
         self._loop.hurry()
         if rejection is not None:
             reply.message = str(rejection)

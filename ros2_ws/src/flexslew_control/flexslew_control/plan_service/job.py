@@ -1,17 +1,15 @@
-"""One plan at a time, made in a process next to the node that serves the request."""
+"""One plan at a time, made in a process next to the one that serves the request."""
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
-from flexslew_msgs import action
-from rclpy.action.server import ServerGoalHandle
-
+from flexslew_control.known_motion import PREDICTED, KnownMotion, at_rest
 from flexslew_control.plan import Plan
 from flexslew_control.planning import Iteration, MotionRequest, PlanProcess, PlanRequest
-from flexslew_control.ros.plan_result import CANCELED
-from flexslew_plant.refusal import Refusal
-from flexslew_plant.ros.loop import Loop
+from flexslew_plant.refusal import Cause, Refusal
 
+CANCELED = Refusal("canceled by the client", cause=Cause.CANCELED)
+BUSY = Refusal("another plan is being made; cancel it, or wait", cause=Cause.NO_MANOEUVRE)
 Outcome: TypeAlias = Plan | Refusal
 # what a plan's prediction from the motion of the bench requires; the plan: nothing; None: not known
 # yet. The plan is the one that is made, on the request that is given with it.
@@ -19,17 +17,24 @@ MotionSource: TypeAlias = Callable[[Plan, PlanRequest], MotionRequest | Plan | N
 Late: TypeAlias = Callable[[float], Refusal | None]  # why a plan from a start [s] on comes too late
 
 
+class Client(NamedTuple):
+    """A client that follows how its plan is made."""
+
+    progress: Callable[[Iteration], None]  # takes every iteration
+    canceled: Callable[[], bool]  # returns whether it has given up
+
+
 class PlanJob:
     """Plans for one request, and reports the outcome by a call.
 
     Args:
-        loop: that serves the node.
         soon: a request will come, so the planning process makes its imports now.
+        hurry: called when `poll` is due at once.
     """
 
-    def __init__(self, loop: Loop, soon: bool) -> None:
-        self._loop, self._process = loop, PlanProcess(soon)
-        self._goal: ServerGoalHandle | None = None  # that is planned for; None: no action's
+    def __init__(self, soon: bool, hurry: Callable[[], None] = lambda: None) -> None:
+        self._hurry, self._process = hurry, PlanProcess(soon)
+        self._client: Client | None = None  # that is planned for; None: it follows nothing
         self._finished: Callable[[Outcome], None] | None = None  # takes the outcome
         self._make: Callable[[], PlanRequest | Refusal] | None = None
         self._late: Late = _never
@@ -47,7 +52,7 @@ class PlanJob:
         self,
         make: Callable[[], PlanRequest | Refusal],
         finished: Callable[[Outcome], None],
-        goal: ServerGoalHandle | None = None,
+        client: Client | None = None,
         late: Late | None = None,
         motion_source: MotionSource | None = None,
     ) -> None:
@@ -57,18 +62,18 @@ class PlanJob:
             make: returns the request as the bench is now. Where it has changed while a plan was
                 made, that plan is dropped and another one made: its law or its start is not there.
             finished: takes the outcome.
-            goal: that receives every iteration, and may be canceled.
+            client: that follows the iterations, and may cancel.
             late: returns why the bench cannot fly a plan from a start [s] on any more, or None.
                 Planning ends as soon as it returns a refusal. None: it always can.
             motion_source: returns what the prediction from the motion of the bench requires. None:
                 the
                 bench rests.
         """
-        self._make, self._finished, self._goal = make, finished, goal
+        self._make, self._finished, self._client = make, finished, client
         self._motion_source = motion_source or _at_rest
         self._late = late or _never
         self._plan(make())
-        self._loop.hurry()
+        self._hurry()
 
     def poll(self) -> None:
         """Take what has come, and end planning that is canceled or too late."""
@@ -76,7 +81,7 @@ class PlanJob:
             self._take(result)
         if self._request is None:
             return
-        cancel = self._goal is not None and self._goal.is_cancel_requested
+        cancel = self._client is not None and self._client.canceled()
         why = CANCELED if cancel else self._late(self._request.start)
         if why is not None:
             self.end(why)
@@ -104,10 +109,8 @@ class PlanJob:
 
     def _take(self, result: Iteration | Outcome) -> None:
         if isinstance(result, Iteration):
-            if self._goal is not None:
-                values = result._asdict()
-                number = values.pop("number")
-                self._goal.publish_feedback(action.PlanSlew.Feedback(iteration=number, **values))
+            if self._client is not None:
+                self._client.progress(result)
             return
         if self._request is None or self._make is None:
             return
@@ -143,3 +146,19 @@ def _never(start: float) -> Refusal | None:
 
 def _at_rest(plan: Plan, request: PlanRequest) -> Plan:
     return plan
+
+
+def motion_request(
+    plan: Plan, request: PlanRequest, motion: KnownMotion, before: Callable[[Plan, int], Plan]
+) -> MotionRequest | Plan:
+    """Return what the prediction of a plan from a motion requires; the plan: nothing.
+
+    Args:
+        plan: predicted from rest.
+        request: that it is made for.
+        motion: of the bench.
+        before: returns a plan preceded by the references from an earlier tick on.
+    """
+    if PREDICTED not in plan.summary or request.beginning.law is None or at_rest(motion, plan):
+        return plan
+    return MotionRequest(plan, before(plan, motion.tick), motion, request)

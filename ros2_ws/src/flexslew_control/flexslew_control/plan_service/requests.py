@@ -2,22 +2,51 @@
 
 from collections.abc import Callable, Sequence
 from math import ceil
-from typing import Any
-
-from flexslew_msgs import msg
-from rclpy.node import Node
+from typing import Any, NamedTuple, Protocol
 
 from flexslew_control.planning import PlanRequest, StartOfPlan, plan_request
-from flexslew_control.ros.bench_clock import BenchClock
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.refusal import NO_TESTBED, Refusal
-from flexslew_plant.ros.parameters import handle_changes
 from flexslew_plant.testbeds import model_of, read_testbed
 from flexslew_plant.yaml_data import load_yaml
 
 START_MARGIN = 1.0  # until a plan requested now can start [wall s]
-MODEL = "model"  # the parameter of the node that may be set at run time
+
+
+class Clock(Protocol):
+    """The simulated time of a bench, as far as it is known."""
+
+    @property
+    def has_state(self) -> bool:
+        """Whether a state of the bench is known."""
+
+    @property
+    def epoch(self) -> int:
+        """Number of resets."""
+
+    @property
+    def last_tick(self) -> int:
+        """Tick at which the run ends; zero: only when it is stopped."""
+
+    @property
+    def running(self) -> bool:
+        """Whether ticks pass."""
+
+    def now(self) -> float:
+        """Return the simulated time [s]."""
+
+    def later(self, wait: float) -> float:
+        """Return how much simulated time passes in a wall time at least as at real time [s]."""
+
+
+class AnnouncedTestbed(NamedTuple):
+    """What plans need of a flexslew_msgs/Testbed."""
+
+    settings: str = ""  # YAML; empty: not known
+    period: float = 0.0  # one tick [s]
+    effort_limit: tuple[float, ...] = ()  # one per actuator [N m or N]
+    joint_names: tuple[str, ...] = ()
 
 
 class PlanRequests:
@@ -29,33 +58,23 @@ class PlanRequests:
         beginning: returns what is known of the bench at a plan's start [s].
 
     Attributes:
-        testbed: what stands on the bench; an empty message: not known.
+        testbed: what stands on the bench; without settings: not known.
     """
 
     def __init__(
         self,
-        clock: BenchClock,
+        clock: Clock,
         trust: Trust,
         beginning: Callable[[float], StartOfPlan],
     ) -> None:
         self._clock, self._trust, self._beginning = clock, trust, beginning
         self._model: dict[str, Any] | None = None  # a testbed's section; None: as each request
-        self.testbed = msg.Testbed()
+        self.testbed = AnnouncedTestbed()
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """The joints of the testbed; none before it is known."""
         return tuple(self.testbed.joint_names)
-
-    def declare_model(self, node: Node, text: str) -> None:
-        """Believe what the node was given at its start; from now on its parameter may be set.
-
-        Raises:
-            BadInput: this cannot be believed.
-        """
-        if why := self.set_model(text):
-            raise BadInput(why)
-        handle_changes(node, lambda changes: self.set_model(str(changes.get(MODEL, ""))))
 
     def set_model(self, text: str) -> str:
         """Let requests that name no model believe what was identified; return why not, or "".

@@ -1,0 +1,1 @@
+"""The console over a bench in its own process, without ROS."""
