@@ -1,6 +1,8 @@
 """The console over a bench in its own process: what its page requests, and what the log holds."""
 
 import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -10,6 +12,7 @@ from time import monotonic, sleep
 from typing import Any
 
 import pytest
+from tests.lab.test_front import ELSEWHERE
 from tests.page_client import PageClient
 from tests.ros.console_page import console
 
@@ -246,3 +249,16 @@ def test_the_page_of_the_command_operates_the_bench_and_ctrl_c_leaves_a_whole_lo
 def test_in_process_is_for_a_trial(other: dict[str, Any]) -> None:
     with pytest.raises(BadInput, match="--in-process is for a trial"):
         command(in_process=True, **other)
+
+
+@pytest.mark.slow
+def test_the_page_needs_no_module_that_linux_alone_has() -> None:
+    script = f"import nicegui, uvicorn, websockets\n{ELSEWHERE}" + (
+        "from flexslew_lab.console.in_process.link import InProcessLink\n"
+        "from flexslew_lab.console.page import Page\n"
+        "page = Page(InProcessLink('', ''), '127.0.0.1', 0, lambda words: None)\n"
+        "page.poll()\npage.close()\n"
+    )
+    command = [sys.executable, "-c", script]
+    child = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (child.returncode, child.stdout) == (0, "10\n"), child.stderr

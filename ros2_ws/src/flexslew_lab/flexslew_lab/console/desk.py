@@ -134,6 +134,6 @@ def line(words: str, role: str = "", color: str = "inherit") -> str:
 
 
 def _user() -> str:
-    with suppress(KeyError, OSError):  # an id without a name
+    with suppress(ImportError, KeyError, OSError):  # an id without a name, a system without ids
         return getpass.getuser()
     return "console"

@@ -63,7 +63,8 @@ class InProcessLink:
 
     def poll(self, now: float) -> None:
         """Take what the bench has written since the last call, and deliver its answers."""
-        state = self._bench and self._bench.now  # of before the newest messages
+        bench = self._bench
+        state = bench.now if bench is not None else None  # before the newest messages are taken
         batches: dict[str, list[bytes]] = {}
         for _ in range(len(self._messages)):
             name, data = self._messages.popleft()
