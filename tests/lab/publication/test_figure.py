@@ -157,6 +157,7 @@ def test_the_settings_of_a_style_stay_in_its_figure(flight: fs.Flight) -> None:
 
 def test_special_letters_of_latex_are_letters() -> None:
     assert latex_text(r"a_b 5 % \x") == r"a\_b 5 \% \textbackslash{}x"
+    assert latex_text("(N m)^2 s, m s^-2, ^a") == "(N m)$^{2}$ s, m s$^{-2}$, \\textasciicircum{}a"
 
 
 def test_without_latex_it_is_refused_in_a_line(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -122,7 +123,8 @@ def _set(text: str, latex: bool) -> str:
 
 
 def latex_text(text: str) -> str:
-    """Return a text for LaTeX, with its special letters escaped."""
+    """Return a text for LaTeX, with its special letters escaped and powers of units raised."""
     special = {letter: f"\\{letter}" for letter in "#$%&_{}"}
     special |= {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
-    return "".join(special.get(letter, letter) for letter in text)
+    escaped = "".join(special.get(letter, letter) for letter in text)
+    return re.sub(r"\\textasciicircum\{\}(-?\d+)", r"$^{\1}$", escaped)
