@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.fake_bench import FakeLink
-from tests.lab.console.test_page import Hands
+from tests.hands import Hands
 
 from flexslew_control.controllers import build_controller, settings_text
 from flexslew_lab.analysis.analysis import loop_analysis

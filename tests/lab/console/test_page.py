@@ -5,62 +5,20 @@ from itertools import permutations
 from math import inf, nan, pi
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 from tests.fake_bench import FakeLink
+from tests.hands import Hands, shown
 from tests.page_client import PageClient
 
 from flexslew_lab.console import quantities
 from flexslew_lab.console.forms import OpenedOn, scaled
-from flexslew_lab.console.gui import Element, Gui
+from flexslew_lab.console.gui import Gui
 from flexslew_lab.console.page import Page
 from flexslew_plant.events import AnswerMissing, OperatorNote
 from flexslew_plant.events.event import event_of
 from flexslew_plant.yaml_data import load_yaml
-
-
-class Hands:
-    """Works the page as its elements, without a browser."""
-
-    def __init__(self, page: Page, link: FakeLink) -> None:
-        self.page, self.link, self.gui = page, link, page.server.gui
-
-    def elements(self, label: str) -> list[Element]:
-        found = [e for e in self.gui.all() if e.kind not in ("html", "folder", "tab", "slider")]
-        return [e for e in found if e.label == label or e.label.startswith(f"{label} [")]
-
-    def set(self, label: str, value: Any) -> None:
-        self.elements(label)[-1].value = value  # unchecked
-
-    def click(self, label: str) -> list[tuple[str, dict[str, Any]]]:
-        """Return what the bench is asked for."""
-        self.link.request.clear()
-        for told in self.elements(label)[0].on_click:
-            told(3)
-        self.page._context.work()
-        self.page.refresh()
-        return list(self.link.request)
-
-    def refresh(self) -> None:
-        self.page.refresh()
-
-    def charts(self) -> list[Element]:
-        """Return the charts that stand on the page."""
-        return [e for e in self.gui.all() if e.kind == "chart" and _shown(e)]
-
-    def titles(self) -> list[str]:
-        """Return their titles."""
-        return [e.data.options["title"]["text"] for e in self.charts()]
-
-    def texts(self) -> str:
-        """Return everything that stands on the page as HTML."""
-        return "\n".join(e.content for e in self.gui.all() if _shown(e))
-
-
-def _shown(element: Element) -> bool:
-    return element.visible and (element.parent is None or _shown(element.parent))
 
 
 @pytest.fixture(scope="module")
@@ -312,13 +270,13 @@ def test_what_does_nothing_after_the_end_is_gone(hands: Hands) -> None:
     view.now = before._replace(state="finished")
     hands.refresh()
     for button in ("Start", "Pause", "Switch", "Tune", "Plan", "Disturb", "Break", "Note it"):
-        assert not _shown(hands.elements(button)[0]), button
+        assert not shown(hands.elements(button)[0]), button
     assert not hands.elements("Brake (space bar)")[0].enabled
     for button in ("Overlay it", "View from above", "Clear the charts"):
-        assert _shown(hands.elements(button)[0]), button
+        assert shown(hands.elements(button)[0]), button
     view.now = before
     hands.refresh()
-    assert _shown(hands.elements("Start")[0])
+    assert shown(hands.elements("Start")[0])
 
 
 def test_warnings_of_a_kind_that_follow_each_other_are_one_row(hands: Hands) -> None:

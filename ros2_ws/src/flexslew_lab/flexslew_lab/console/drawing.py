@@ -12,7 +12,7 @@ from flexslew_lab.console.gui import Element, Gui, accepted
 from flexslew_lab.console.scene_drawing import SceneWidget
 from flexslew_lab.console.sheet import PRIMARY, SCRIPT, SHEET
 
-_PLACES = ("folder", "tools", "grid")  # of other elements
+_PLACES = ("folder", "tools", "grid", "row")  # of other elements
 _LARGE = ("chart", "scene")  # what a page draws for longer than it takes to send
 # whether the browser draws in three dimensions: 0 not at all, 1 by the processor, 2 by a card
 _WEBGL = """(() => {
@@ -344,6 +344,7 @@ _WIDGETS: dict[str, Callable[[PageView, Element], Any]] = {
     "folder": _folder,
     "tools": lambda view, e: ui.element("div").classes("bench-tools"),
     "grid": lambda view, e: ui.element("div").classes("bench-grid"),
+    "row": lambda view, e: ui.element("div").classes("bench-row"),
     "tabs": _tabs,
     "table": _table,
     "chart": _chart,

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
+from functools import partial
 from math import inf
 from typing import Any, NamedTuple, get_args
 
@@ -180,6 +181,7 @@ class Form:
                 if sliders and scaled(key.text, 0.0) is not None:
                     self._sliders.append(_slider(context, element, key.text))
                 self._errors[key.name] = gui.html(visible=False)
+                element.changed.append(partial(self._clear_message, key.name))
 
     def changed(self) -> dict[str, Any] | None:
         """Return the values of the fields that differ from the start, or None if one is wrong."""
@@ -227,12 +229,15 @@ class Form:
                 self._show_message(key.name, str(error))
         return None if wrong else found
 
+    def _clear_message(self, name: str, _: object) -> None:
+        self._show_message(name, "")
+
     def _show_message(self, name: str, words: str) -> None:
         error = self._errors[name]
         if error.visible != bool(words):
             error.visible = bool(words)
         if words:
-            error.content = line(words, "alert", "#b00020")
+            error.content = line(words, "alert")
 
 
 def scaled(text: str, power: float) -> str | None:

@@ -78,8 +78,8 @@ class Page:
 
     def refresh(self) -> None:
         """Update every panel to the present state."""
-        for panel in self._panels:
-            panel.refresh()
+        for part in (self._context, *self._panels):
+            part.refresh()
         over = self._link.view.now.state == FINISHED
         for tab in self._working:
             tab.visible = not over

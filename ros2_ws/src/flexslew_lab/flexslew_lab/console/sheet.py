@@ -8,6 +8,12 @@ body { background: #f4f5f7; font-size: 14px; }
 .bench-header { background: #1f2937; color: white; padding: 4px 8px; }
 .bench-top { display: flex; flex-wrap: wrap; gap: 4px 10px; align-items: center; width: 100%; }
 .bench-top .q-btn { min-height: 34px; padding: 0 12px; }
+.bench-note { font-size: 0.85em; padding: 0 0.7em 0.4em; overflow-wrap: anywhere; }
+.bench-note[role=alert] { color: #b00020; }
+.bench-header .bench-note { padding: 0; }
+.bench-header .bench-note[role=alert] { color: #ffb4ab; }
+.bench-notice { background: #fde68a; color: #3b2f00; border-radius: 4px; padding: 4px 10px; }
+.bench-row { display: flex; flex-wrap: wrap; gap: 4px; }
 #bench-line { font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
 .bench-page { display: grid; grid-template-columns: minmax(320px, 400px) minmax(0, 1fr);
   gap: 6px; padding: 6px; align-items: start; }

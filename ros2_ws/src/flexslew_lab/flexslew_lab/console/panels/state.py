@@ -26,8 +26,11 @@ def _table(view: BenchView) -> str:
     now = view.now
     rate = f"{now.rate_factor:g} times real time" if now.rate_factor else "as fast as possible"
     end = f" of {now.last_tick}" if now.last_tick else ""
+    request = view.brake_request
     brake = "LATCHED until released" if now.brake_latched else "not latched"
-    if not now.active and not now.brake_latched and now.state != "not found":
+    if request is not None:
+        brake = f"{'latches' if request.on else 'is released'} at tick {request.tick}"
+    elif not now.active and not now.brake_latched and now.state != "not found":
         brake = "on: no controller is active"
     period = view.joints.period if view.joints else 0.0
     tick = max(now.tick, round(view.time / period)) if period else now.tick

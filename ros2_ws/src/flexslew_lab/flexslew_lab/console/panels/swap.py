@@ -1,5 +1,7 @@
 """Give the bench to another controller."""
 
+from typing import Any
+
 from flexslew_lab.console.desk import PanelContext, ReplyLine
 from flexslew_lab.console.forms import OpenedOn, moment, not_negative
 from flexslew_lab.console.link import RequestResult
@@ -33,16 +35,28 @@ class SwapPanel:
         self._opened.offer(known, NO_CONTROLLER, self._view.now.active)
 
     def _switch(self, who: str) -> None:
+        name = str(self._who.value)
         try:
-            values = {
-                "controller": self._who.value,
+            values = switch_request(name, who) | {
                 "at": moment("At", self._at.value),
                 "strict": self._strict.value,
                 "max_effort_step": not_negative("Largest step", self._step.value),
-                "timeout": 2.0,
-                "who": who,
             }
         except BadInput as error:
             self._reply.tell(RequestResult(False, str(error)))
             return
-        self._reply.ask(topics.SWITCH_CONTROLLER, values)
+        now = self._view.now
+        states = {name, now.active}  # the state of the bench may come after the answer
+
+        def then(result: RequestResult) -> None:
+            if result.ok:
+                self._reply.tell(result, lambda: self._view.now.active in states)
+
+        done = lambda: self._view.now.active == name  # noqa: E731
+        self._reply.ask(topics.SWITCH_CONTROLLER, values, then, done)
+
+
+def switch_request(name: str, who: str) -> dict[str, Any]:
+    """Return the request for a switch to a controller at the next tick."""
+    step = {"strict": False, "max_effort_step": 1.0}
+    return {"controller": name, "at": 0.0, **step, "timeout": 2.0, "who": who}
