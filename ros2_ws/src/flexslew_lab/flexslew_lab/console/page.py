@@ -81,8 +81,8 @@ class Page:
 
     def refresh(self) -> None:
         """Update every panel to the present state."""
-        for part in (self._context, *self._panels):
-            part.refresh()
+        for panel in self._panels:
+            panel.refresh()
         over = self._link.view.now.state == FINISHED
         for tab in self._working:
             tab.visible = not over
@@ -101,7 +101,7 @@ class Page:
 
     def _built(self, recording: RecordingPanel | None, layouts: Path) -> list[PagePanel]:
         context, gui, live = self._context, self._context.gui, recording is None
-        panels: list[PagePanel] = [HeaderPanel(context, live)]
+        panels: list[PagePanel] = [context, HeaderPanel(context, live)]
         if recording is not None:
             panels += [ReplayPanel(context, recording), CardsPanel(context, None)]
         else:

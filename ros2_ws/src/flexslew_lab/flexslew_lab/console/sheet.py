@@ -67,6 +67,7 @@ body, .body--dark { background: var(--page) !important; color: var(--text); font
 .bench-right .bench-chart { height: 190px; }
 .bench-scene, .bench-scene svg { width: 100%; height: clamp(170px, 30vh, 420px); }
 .bench-scene { overflow: hidden; }
+.bench-scene > div { height: 100%; }  /* the canvas takes its size */
 .bench-table { max-height: 60vh; background: var(--panel); color: var(--text); }
 .bench-table td { overflow-wrap: anywhere; white-space: normal; cursor: pointer; }
 .bench-table td:first-child { white-space: nowrap; overflow-wrap: normal; }

@@ -82,8 +82,9 @@ class CardsPanel:
             if result.ok:
                 self._reply.tell(result, lambda: self._view.now.active in states)
 
-        done = lambda: self._view.now.active == name  # noqa: E731
-        self._reply.ask(topics.SWITCH_CONTROLLER, values, then, done)
+        self._reply.ask(
+            topics.SWITCH_CONTROLLER, values, then, lambda: self._view.now.active == name
+        )
 
 
 def switch_request(name: str, who: str) -> dict[str, Any]:

@@ -89,12 +89,11 @@ class HeaderPanel:
                 self._context.click(button, partial(self._switch, name))
 
     def _switch(self, name: str, who: str) -> None:
-        values = switch_request(name, who)
-        done = partial(self._is_active, name)
-        self._reply.ask(topics.SWITCH_CONTROLLER, values, done=done)
-
-    def _is_active(self, name: str) -> bool:
-        return self._view.now.active == name
+        self._reply.ask(
+            topics.SWITCH_CONTROLLER,
+            switch_request(name, who),
+            done=lambda: self._view.now.active == name,
+        )
 
     def _latch(self, on: bool, who: str) -> None:
         action = topics.BRAKE if on else topics.RELEASE_BRAKE
