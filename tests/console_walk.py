@@ -16,7 +16,7 @@ from tests.browser import Browser
 from tests.fake_bench import FakeLink
 
 SIZES = {1440: 900, 1024: 768, 768: 1024, 390: 844}
-TABS = ("Plan", "Faults", "Experiment", "Analysis", "Log", "View", "End")
+TABS = ("Plan", "Faults", "Experiment", "Analysis", "Log", "End")
 # what stands on the page that a person can press, write into or choose from
 CONTROLS = """
 const seen = e => e.checkVisibility() && e.getBoundingClientRect().width > 0;

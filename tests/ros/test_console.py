@@ -164,7 +164,7 @@ def look(page: Page) -> None:
     page.choose("Window", "10 s")
     page.choose("Chart", "estimate minus truth")
     page.click("Clear the charts")
-    page.tab("View")
+    page.browser.click("//summary[.='Drawing and layouts']")
     page.click("View from above")
 
 

@@ -29,8 +29,7 @@ FRAME = 1 / 10  # between two frames at least [wall s]
 SHARE = 0.04  # of a core that the page takes of a bench that goes as fast as it can, about
 _MAX_FRAME_INTERVAL = 1.0  # between two frames then at most [wall s]
 _KEYS = {  # of the tabs
-    "Plan": "m", "Faults": "f", "Experiment": "e", "Analysis": "a", "Log": "l", "View": "v",
-    "End": "d",
+    "Plan": "m", "Faults": "f", "Experiment": "e", "Analysis": "a", "Log": "l", "End": "d",
 }  # fmt: skip
 Make = Callable[[PanelContext], PagePanel]
 
@@ -114,7 +113,7 @@ class Page:
             "Faults": (ActivePanel, DisturbancePanel, FaultPanel),
             "Experiment": (ExperimentPanel,),
         }
-        names = (*(work if live else ()), "Analysis", "Log", "View", "End")
+        names = (*(work if live else ()), "Analysis", "Log", "End")
         with gui.right:
             places = dict(zip(names, gui.tabs({n: _KEYS[n] for n in names}), strict=True))
         for name, panel_types in (work if live else {}).items():
@@ -123,10 +122,14 @@ class Page:
         self._working = tuple(places[name] for name in ("Plan", "Faults") if live)
         with places["Analysis"]:
             panels.append(AnalysePanel(context, self.server.gate.files))
-        with places["View"]:
+        with gui.middle:
+            look = gui.add("details", "Drawing and layouts")
+        with look:
             panels.append(ScenePanel(context))
             charts = ChartsPanel(context, layouts)
             panels += [charts, SkyPanel(context)]
+        look.remove()
+        gui.middle.children = (*gui.middle.children, look)  # below what it is about
         with places["Log"]:
             panels += [NotePanel(context)] if live else []
             panels.append(EventsPanel(context, charts.jump))

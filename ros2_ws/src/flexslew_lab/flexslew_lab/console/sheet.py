@@ -37,7 +37,7 @@ body, .body--dark { background: var(--page) !important; color: var(--text); font
 .bench-notice { background: var(--notice); color: var(--on-notice); border-radius: 4px;
   padding: 4px 10px; }
 .bench-page { display: grid; gap: 6px; padding: 6px; align-items: start;
-  grid-template-columns: minmax(190px, 2fr) minmax(480px, 6fr) minmax(270px, 3fr); }
+  grid-template-columns: minmax(180px, 2fr) minmax(460px, 6fr) minmax(300px, 3fr); }
 .bench-left, .bench-middle, .bench-right { background: var(--panel); border-radius: 6px;
   border: 1px solid var(--line); padding: 6px; min-width: 0; }
 .bench-card { border: 1px solid var(--line); border-radius: 4px; margin: 4px 0; padding: 4px 6px;
@@ -76,6 +76,7 @@ body, .body--dark { background: var(--page) !important; color: var(--text); font
 .bench-dialog { padding: 12px; gap: 8px; }
 .bench-dialog td { padding: 1px 10px 1px 0; }
 summary { cursor: pointer; }
+details > .bench-field { max-width: 400px; }
 :focus-visible { outline: 2px solid var(--link); outline-offset: 1px; }
 @media (prefers-reduced-motion: reduce) {
   *, ::before, ::after { transition-duration: 0.01ms !important;

@@ -67,9 +67,10 @@ class HeaderPanel:
         self._notice.content = f'<div role="status" class="bench-notice">{words}</div>'
         ready = [c.name for c in self._view.controllers.values() if c.ready]
         self._offer(tuple(sorted(ready)) if choose else ())
-        self._release.visible = self._view.brake_on_next and now.state != FINISHED
+        operated = self._live and now.state != FINISHED
+        self._release.visible = operated and self._view.brake_on_next
         self._brake.enabled = now.state != FINISHED
-        self._transport.visible = self._live and now.state != FINISHED
+        self._transport.visible = operated
         self._toggle.label = "Pause" if now.state in ("waiting", "running") else "Start"
         if now.state in _LIVE and now.rate_factor != self._last_rate:
             self._last_rate = now.rate_factor
