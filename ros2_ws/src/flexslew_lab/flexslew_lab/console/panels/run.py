@@ -7,8 +7,9 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from flexslew_lab.console.desk import PanelContext, ReplyLine
+from flexslew_lab.console.desk import Act, PanelContext, ReplyLine
 from flexslew_lab.console.forms import one_of
+from flexslew_lab.console.gui import Element
 from flexslew_lab.console.link import BenchLink, RequestResult
 from flexslew_lab.console.panels.cards import switch_request
 from flexslew_lab.console.view import BenchView
@@ -49,13 +50,14 @@ class HeaderPanel:
         self._offered: tuple[str, ...] = ()
         self._last_rate: float | None = None  # that the bench has reported
         self._brake.visible, self._release.visible = live, False
-        for element, act in (
+        acts: tuple[tuple[Element, Act], ...] = (
             (self._brake, partial(self._latch, True)),
             (self._release, partial(self._latch, False)),
             (self._toggle, self._start_or_pause),
             (step, self._step),
             (reset, partial(self._operate, topics.RESET, lambda: False)),
-        ):
+        )
+        for element, act in acts:
             context.click(element, act)
         context.change(self._rate, self._set_rate)
 
