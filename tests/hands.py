@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from flexslew_lab.console.gui import Element
+from flexslew_lab.console.gui import Element, PageCallback
 from flexslew_lab.console.page import Page
 from tests.fake_bench import FakeLink
 
@@ -15,15 +15,26 @@ class Hands:
 
     def elements(self, label: str) -> list[Element]:
         found = [e for e in self.gui.all() if e.kind not in ("html", "folder", "tab", "slider")]
-        return [e for e in found if e.label == label or e.label.startswith(f"{label} [")]
+        found = [e for e in found if e.label == label or e.label.startswith(f"{label} [")]
+        return sorted(
+            found, key=lambda e: "Experiment" not in _places(e)
+        )  # it has fields of a plan
 
     def set(self, label: str, value: Any) -> None:
         self.elements(label)[-1].value = value  # unchecked
 
+    def change(self, label: str, value: Any) -> list[tuple[str, dict[str, Any]]]:
+        """Write into a field as a page does, and return what the bench is asked for."""
+        self.set(label, value)
+        return self._told(self.elements(label)[-1].changed)
+
     def click(self, label: str) -> list[tuple[str, dict[str, Any]]]:
         """Return what the bench is asked for."""
+        return self._told(self.elements(label)[0].on_click)
+
+    def _told(self, callbacks: list[PageCallback]) -> list[tuple[str, dict[str, Any]]]:
         self.link.request.clear()
-        for told in self.elements(label)[0].on_click:
+        for told in callbacks:
             told(3)
         self.page._context.work()
         self.page.refresh()
@@ -51,3 +62,7 @@ class Hands:
 
 def shown(element: Element) -> bool:
     return element.visible and (element.parent is None or shown(element.parent))
+
+
+def _places(element: Element) -> list[str]:
+    return [element.label, *(_places(element.parent) if element.parent else ())]

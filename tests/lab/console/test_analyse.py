@@ -82,16 +82,16 @@ def test_what_cannot_be_analysed_is_refused_in_words(hands: Hands) -> None:
 
 
 def test_a_law_is_loaded_from_a_file_and_its_content_is_sent(hands: Hands, tmp_path: Path) -> None:
-    hands.set("Tuned controller", "linear")
+    hands.click("Tune linear")
     hands.refresh()
     gains = [[400.0, 0.0, 900.0, 0.0], [0.0, 400.0, 0.0, 900.0]]
     np.savez(tmp_path / "law.npz", D=gains)
     for wrong, words in (("nowhere.npz", "cannot be read"), ("law.py", "give a file that ends in")):
         hands.set("file", str(tmp_path / wrong))
-        assert hands.click("Tune") == []
+        assert hands.click("Apply the gains") == []
         assert words in hands.texts()
     hands.set("file", str(tmp_path / "law.npz"))
-    [(service, values)] = hands.click("Tune")
+    [(service, values)] = hands.click("Apply the gains")
     assert service == "linear/tune"
     sent = load_yaml(values["settings"], "")
     assert set(sent) == {"system"}
@@ -100,6 +100,6 @@ def test_a_law_is_loaded_from_a_file_and_its_content_is_sent(hands: Hands, tmp_p
 
 
 def test_a_law_without_files_has_no_field_for_one(hands: Hands) -> None:
-    hands.set("Tuned controller", "pd")
+    hands.click("Tune pd")
     hands.refresh()
     assert hands.elements("file") == []

@@ -34,7 +34,6 @@ def hands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hands]:
 def test_the_run_is_asked_for_by_name_with_who(hands: Hands) -> None:
     for button, action in (
         ("Start", "start"),
-        ("Pause", "pause"),
         ("Reset", "reset"),
         ("Brake (space bar)", "brake"),
         ("Release the brake", "release_brake"),
@@ -55,24 +54,21 @@ def test_a_step_that_is_none_is_told_and_not_sent(hands: Hands, ticks: float) ->
 
 @pytest.mark.parametrize("rate", ["0.1", "1", "10", "fast"])
 def test_rates_are_those_of_the_list(hands: Hands, rate: str) -> None:
-    hands.set("Rate", rate)
-    [(service, values)] = hands.click("Set the rate")
+    [(service, values)] = hands.change("Rate", rate)
     assert service == "set_rate"
     assert values["rate_factor"] == (0.0 if rate == "fast" else float(rate))
-    hands.set("Rate", "warp")
-    assert hands.click("Set the rate") == []
+    assert hands.change("Rate", "warp") == []
 
 
 def test_a_switch_carries_its_limit_and_refuses_a_time_that_is_none(hands: Hands) -> None:
-    hands.set("Controller", "pd")
     hands.set("Strict", True)
     hands.set("Largest step", 0.25)
-    [(service, values)] = hands.click("Switch")
+    [(service, values)] = hands.click("Switch to pd")
     assert service == "switch_controller"
     assert (values["controller"], values["strict"], values["max_effort_step"]) == ("pd", True, 0.25)
     for wrong in (-1.0, nan, inf):
         hands.set("At [s]", wrong)
-        assert hands.click("Switch") == []
+        assert hands.click("Switch to pd") == []
     hands.set("At [s]", 0.0)
 
 
@@ -91,23 +87,23 @@ def test_a_switch_carries_its_limit_and_refuses_a_time_that_is_none(hands: Hands
 def test_a_wrong_gain_is_told_beside_its_field(
     hands: Hands, key: str, text: str, words: str
 ) -> None:
-    hands.set("Tuned controller", "pd")
+    hands.click("Tune pd")
     hands.refresh()
     field = hands.elements(key)[-1]
     before = field.value
     field.value = text
-    assert hands.click("Tune") == []
+    assert hands.click("Apply the gains") == []
     assert words in hands.texts()
     field.value = before
-    assert hands.click("Tune") == []
+    assert hands.click("Apply the gains") == []
     assert "nothing has changed" in hands.texts()
 
 
 def test_only_what_has_changed_is_tuned(hands: Hands) -> None:
-    hands.set("Tuned controller", "pd")
+    hands.click("Tune pd")
     hands.refresh()
     hands.set("kd", "[900.0, 900.0]")
-    [(service, values)] = hands.click("Tune")
+    [(service, values)] = hands.click("Apply the gains")
     assert service == "pd/tune"
     assert load_yaml(values["settings"], "") == {"kd": [900.0, 900.0]}
     hands.set("kd", "[920.0, 920.0]")
@@ -227,7 +223,7 @@ def test_a_chart_shows_its_window_and_a_dashed_reference(hands: Hands) -> None:
 
 
 def test_a_slider_scales_all_of_a_gain_and_comes_back(hands: Hands) -> None:
-    hands.set("Tuned controller", "pd")
+    hands.click("Tune pd")
     hands.refresh()
     field = hands.elements("kp")[-1]
     [slider] = [e for e in hands.gui.all() if e.kind == "slider" and e.label.startswith("kp ")]
@@ -269,7 +265,8 @@ def test_what_does_nothing_after_the_end_is_gone(hands: Hands) -> None:
     before = view.now
     view.now = before._replace(state="finished")
     hands.refresh()
-    for button in ("Start", "Pause", "Switch", "Tune", "Plan", "Disturb", "Break", "Note it"):
+    gone = ("Start", "Reset", "Switch to pd", "Tune pd", "Plan", "Disturb", "Break", "Note it")
+    for button in gone:
         assert not shown(hands.elements(button)[0]), button
     assert not hands.elements("Brake (space bar)")[0].enabled
     for button in ("Overlay it", "View from above", "Clear the charts"):
@@ -318,13 +315,8 @@ def test_a_table_that_leaves_events_out_says_so(hands: Hands) -> None:
     assert "The newest 200 rows" not in hands.texts()
 
 
-def test_reset_stands_below_everything_else_of_the_run_and_in_a_folder_of_its_own(
-    hands: Hands,
-) -> None:
-    names = [e.label for e in hands.gui.left.all()]
-    order = [names.index(one) for one in ("Start", "Pause", "Step", "Set the rate", "Reset")]
-    assert order == sorted(order)
-    assert hands.elements("Reset")[0].parent is not hands.elements("Pause")[0].parent
+def test_reset_asks_before_it_ends_what_is_flown(hands: Hands) -> None:
+    assert hands.elements("Reset")[0].kind == "confirm"
 
 
 def test_forms_open_on_the_law_in_charge_and_stay_where_a_person_has_put_them(
@@ -337,11 +329,11 @@ def test_forms_open_on_the_law_in_charge_and_stay_where_a_person_has_put_them(
     try:
         hands = Hands(page, link)
         hands.refresh()
-        for field in ("Controller", "Tuned controller"):
+        for field in ("Analysed controller", "Tuned controller"):
             assert hands.elements(field)[0].value == "pd"
             hands.set(field, "after")
         hands.refresh()
-        for field in ("Controller", "Tuned controller"):
+        for field in ("Analysed controller", "Tuned controller"):
             assert hands.elements(field)[0].value == "after"
     finally:
         page.close()
@@ -412,7 +404,7 @@ def test_a_page_opens_where_the_option_that_was_chosen_has_gone(hands: Hands) ->
     hands.set("Rate", "no rate any more")
     hands.refresh()
     late = PageClient(hands.page.server.address)
-    assert "Set the rate" in {e["label"] for e in late.inputs.values()}
+    assert "Step" in {e["label"] for e in late.inputs.values()}
     late.socket.close()
 
 

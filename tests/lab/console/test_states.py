@@ -11,6 +11,7 @@ from tests.hands import Hands
 
 from flexslew_lab.console.link import RequestResult, Then
 from flexslew_lab.console.page import Page
+from flexslew_lab.console.panels.run import trial_name
 from flexslew_lab.console.view import BenchView
 from flexslew_lab.log.messages.cdr import encode
 from flexslew_plant.events import (
@@ -143,21 +144,90 @@ def test_a_start_under_the_brake_says_so(bench: Bench, state: str, words: str) -
 @pytest.mark.parametrize(
     ("button", "fields"),
     [
-        ("Start", {"state": "running"}),
-        ("Pause", {"state": "paused"}),
         ("Brake (space bar)", {"active": "", "brake_latched": True}),
         ("Release the brake", {}),
-        ("Switch", {"active": "pd"}),
+        ("Switch to pd", {"active": "pd"}),
     ],
 )
 def test_a_request_for_what_is_so_already_succeeds_silently(
     bench: Bench, button: str, fields: dict[str, Any]
 ) -> None:
-    bench.set("Controller", "pd")
     bench.refuse("it is so already")
     bench.state(**fields)
     assert bench.click(button)  # the bench is asked all the same
     assert "it is so already" not in bench.texts()
+
+
+def test_one_button_starts_and_pauses(bench: Bench) -> None:
+    for state, label, action in (("paused", "Start", "start"), ("running", "Pause", "pause"),
+                                 ("waiting", "Pause", "pause")):  # fmt: skip
+        bench.state(state=state)
+        assert bench.seen(label)
+        [(_, values)] = bench.click(label)
+        assert values["action"] == action
+
+
+def test_two_pages_that_start_at_once_both_succeed(bench: Bench) -> None:
+    bench.refuse("already running")
+    start = bench.elements("Start")[0]
+    bench.link.view.now = bench.link.view.now._replace(state="running")  # not shown yet
+    for told in start.on_click:
+        told(3)
+    bench.page._context.work()
+    assert bench.link.request[0][1]["action"] == "start"
+    bench.refresh()
+    assert "already running" not in bench.texts()
+
+
+def test_a_bench_that_waits_says_for_what(bench: Bench) -> None:
+    bench.state(state="waiting", waiting_for=["recorder"])
+    assert "Waiting for recorder." in bench.texts()
+    bench.state(state="running", waiting_for=[])
+    assert "Waiting for" not in bench.texts()
+
+
+def test_a_card_says_why_a_controller_cannot_take_over(bench: Bench) -> None:
+    view = bench.link.view
+    lost = view.controllers["pd"]._replace(name="lost", ready=False, reason="no plan <yet>")
+    view.controllers["lost"] = lost
+    bench.refresh()
+    assert "not ready: no plan &lt;yet&gt;" in bench.texts()
+    assert not bench.elements("Switch to lost")[0].enabled
+    assert not bench.seen("Switch to pd")  # it is active
+    bench.click("Tune lost")
+    assert bench.seen("Apply the gains")
+    assert bench.elements("Tuned controller")[0].value == "lost"
+    bench.click("Close")
+    assert not bench.seen("Apply the gains")
+
+
+def test_each_fault_has_a_button_that_ends_it(bench: Bench) -> None:
+    assert "no disturbance and no fault" in bench.texts()
+    bench.state(fault_numbers=[4, 7], faults=["gain of a", "bias of b"])
+    [(service, values)] = bench.click("End 7")
+    assert (service, values["number"]) == ("end_fault", 7)
+    bench.state(fault_numbers=[4], faults=["gain of a"])
+    assert (bench.seen("End 4"), bench.seen("End 7")) == (True, False)
+
+
+@pytest.mark.parametrize(
+    ("command", "folder", "name"),
+    [
+        ("./flexslew trial swap_demo --set=seed=2", "", "swap_demo"),
+        ("./flexslew trial 'my trials/first one.yaml'", "", "first one"),
+        ("./flexslew resim runs/m1-20260101-120000", "runs/m1-20260101-120000", "m1"),
+        ("", "", ""),
+    ],
+)
+def test_the_header_names_the_trial(command: str, folder: str, name: str) -> None:
+    link = FakeLink(folder)
+    link.command = command
+    assert trial_name(link) == name
+
+
+def test_the_keys_of_the_page_are_different(bench: Bench) -> None:
+    keys = [e.key for e in bench.gui.all() if e.key]
+    assert len({*keys}) == len(keys) > 8
 
 
 def test_a_request_that_fails_says_why_until_the_state_changes(bench: Bench) -> None:
@@ -171,9 +241,8 @@ def test_a_request_that_fails_says_why_until_the_state_changes(bench: Bench) -> 
 
 
 def test_an_answer_leaves_when_another_controller_is_active(bench: Bench) -> None:
-    bench.set("Controller", "pd")
     bench.state(active="lqr")
-    bench.click("Switch")
+    bench.click("Switch to pd")
     assert "answered" in bench.texts()  # the state comes a little later
     bench.state(active="pd")
     assert "answered" in bench.texts()
@@ -192,8 +261,7 @@ def test_an_error_beside_a_field_leaves_when_the_field_is_changed(bench: Bench) 
     bench.set("goal of a", "0.5")
     bench.click("Plan")
     assert "start: is missing" in bench.texts()
-    for told in bench.elements("start")[-1].changed:
-        told(3)
+    bench.change("start", "2.0")
     assert "start: is missing" not in bench.texts()
 
 

@@ -48,6 +48,8 @@ def options(curves: list[Curve], title: str = TIME) -> dict[str, Any]:
         },
     }  # fmt: skip
     labels = [curve.label for curve in curves]
+    limits = {} if curves else {"min": 0, "max": 1}  # else an empty chart has no axis
+    title = title if curves else f"{title}; no data"
     description = {"description": f"chart of {', '.join(labels) or 'nothing'} over {title}"}
     small = {"fontSize": 10}
     digits = {**small, ":formatter": _DIGITS}
@@ -67,7 +69,7 @@ def options(curves: list[Curve], title: str = TIME) -> dict[str, Any]:
         },
         "tooltip": {"trigger": "axis", ":valueFormatter": _DIGITS, "textStyle": {"fontSize": 11}},
         "xAxis": {"type": "value", "axisLabel": {**small, "hideOverlap": True}},
-        "yAxis": {"type": "value", "scale": True, "axisLabel": digits, "splitNumber": 4},
+        "yAxis": {"type": "value", "scale": True, "axisLabel": digits, "splitNumber": 4, **limits},
         "series": [*series, events],
     }  # fmt: skip
 

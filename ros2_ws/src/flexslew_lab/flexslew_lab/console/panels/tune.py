@@ -5,7 +5,7 @@ from flexslew_lab.console.current_trial import settings_of
 from flexslew_lab.console.desk import PanelContext, ReplyLine
 from flexslew_lab.console.forms import Form, FormKey, OpenedOn, moment, not_negative, text_of
 from flexslew_lab.console.link import RequestResult
-from flexslew_lab.console.panels.swap import NO_CONTROLLER
+from flexslew_lab.console.panels.cards import NO_CONTROLLER
 from flexslew_lab.trial.overrides import override_values
 from flexslew_plant.errors import BadInput
 from flexslew_plant.keys.settings_fields import describe_fields
@@ -26,19 +26,30 @@ class TunePanel:
     def __init__(self, context: PanelContext) -> None:
         gui = context.gui
         self._context, self._view = context, context.view
-        self._which = gui.choice("Tuned controller", (NO_CONTROLLER,))
-        self._opened = OpenedOn(self._which)
-        self._place = gui.folder("Settings")
-        self._at = Form(
-            context, [FormKey(_FROM, "simulated time [s]; empty: the next tick")], self._place
-        )
-        context.click(gui.button("Tune"), self._tune)
-        self._reply = ReplyLine(context)
+        with gui.folder("Gains", visible=False) as self._whole:
+            self._which = gui.choice("Tuned controller", (NO_CONTROLLER,))
+            self._opened = OpenedOn(self._which)
+            self._place = gui.add("stack")
+            time = FormKey(_FROM, "simulated time [s]; empty: the next tick")
+            self._at = Form(context, [time], self._place)
+            with gui.add("row"):
+                context.click(gui.button("Apply the gains"), self._tune)
+                context.click(gui.button("Close", color="blue-grey-8"), self._close)
+            self._reply = ReplyLine(context)
         self._form: Form | None = None
         self._last_form = ("", "")  # name and settings in the form
 
+    def open(self, name: str) -> None:
+        """Show the gains of a controller."""
+        self._which.value, self._whole.visible = name, True
+
+    def _close(self, who: str) -> None:
+        self._whole.visible = False
+
     def refresh(self) -> None:
         """List the controllers, opened on the active one; make the form again for another one."""
+        if self._view.now.state == "finished":
+            self._whole.visible = False
         names = tuple(sorted(self._view.controllers))
         self._opened.offer(names, NO_CONTROLLER, self._view.now.active)
         known = self._view.controllers.get(self._which.value)
