@@ -159,6 +159,28 @@ def test_a_plan_needs_a_start_to_come(hands: Hands) -> None:
     assert "1: J 5.0000e-01" in hands.texts()
 
 
+def test_every_wrong_field_of_a_plan_is_marked_at_once(hands: Hands) -> None:
+    wrong = {"goal of a": "1e9", "goal of b": "2 min", "duration": "-1", "start": "soon"}
+    for field, text in {**wrong, "more": "["}.items():
+        hands.set(field, text)
+    assert hands.click("Plan") == []
+    for field in (*wrong, "more"):
+        assert f'role="alert" class="bench-note">{field}: ' in hands.texts(), field
+    for field in (*wrong, "more"):
+        hands.change(field, "")
+        assert f'role="alert" class="bench-note">{field}: ' not in hands.texts()
+    hands.set("start", "")
+    hands.set("goal of a", "0.5")
+    hands.set("goal of b", "0.0")
+
+
+def test_a_button_writes_a_start_five_seconds_from_now(hands: Hands) -> None:
+    hands.link.view.time = 12.3
+    hands.click("In 5 s")
+    assert hands.elements("start")[-1].value == "18"
+    hands.link.view.time = 0.0
+
+
 def test_a_planner_of_ones_own_is_asked_of_the_planner_and_not_run_by_the_page(
     hands: Hands,
 ) -> None:
@@ -187,6 +209,8 @@ def test_a_draft_is_drawn_and_waits_for_a_decision(hands: Hands, button: str, wo
     assert title in hands.titles()
     [draft] = [c for c in hands.charts() if c.data.options["title"]["text"] == title]
     assert draft.data.options["legend"]["data"] == ["planned a [rad]", "planned b [m]"]
+    assert "largest effort: a 3 N m, b 4 N" in hands.texts()
+    assert "predicted residual: tip deflection 0.0037 m" in hands.texts()
     [(service, values)] = hands.click(button)
     assert (service, values["action"]) == ("decide_plan", f"{word} {'d' * 64}")
     assert not hands.elements(button)[0].visible
@@ -417,10 +441,13 @@ def test_the_form_of_a_plan_opens_on_the_method_that_flies(tmp_path: Path) -> No
         assert hands.elements("Method")[-1].value == "optimized_feedforward"
         link.view.plan = SimpleNamespace(
             method="time_optimal", hash="a", joint_names=("a", "b"), start=0.0, period=0.1,
-            position=np.zeros(8),
+            position=np.zeros(8), effort=np.zeros(6), summary="{}",
+            request="{method: time_optimal, goal: {a: 0.3}, duration: 8.0, functions: 12}",
         )  # fmt: skip
         hands.refresh()
         assert hands.elements("Method")[-1].value == "time_optimal"
+        for field, text in (("goal of a", "0.3"), ("goal of b", "0.0"), ("duration", "8.0")):
+            assert hands.elements(field)[-1].value == text
         hands.set("Method", "input_shaping")  # whatever flies next, this was chosen
         link.view.plan = SimpleNamespace(**{**vars(link.view.plan), "hash": "b"})
         hands.refresh()

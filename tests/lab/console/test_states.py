@@ -201,6 +201,14 @@ def test_a_card_says_why_a_controller_cannot_take_over(bench: Bench) -> None:
     assert not bench.seen("Apply the gains")
 
 
+def test_settings_that_are_not_those_of_the_law_are_shown_all_the_same(bench: Bench) -> None:
+    view = bench.link.view
+    view.controllers["odd"] = view.controllers["pd"]._replace(name="odd", law="lqr")
+    bench.refresh()
+    bench.click("Tune odd")
+    assert bench.elements("kp")[0].value == "[460.0, 460.0]"
+
+
 def test_each_fault_has_a_button_that_ends_it(bench: Bench) -> None:
     assert "no disturbance and no fault" in bench.texts()
     bench.state(fault_numbers=[4, 7], faults=["gain of a", "bias of b"])

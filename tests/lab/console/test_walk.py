@@ -1,4 +1,4 @@
-"""Every control of the page in Chromium, at three widths, with and without WebGL."""
+"""Every control of the page in Chromium, at four widths, with and without WebGL."""
 
 from time import monotonic, sleep
 
@@ -138,6 +138,7 @@ def _works(browser: Browser, link: FakeLink) -> None:
         ("Disturb", ".q-tab-panel", "inject_fault"),
     ):
         number = len(link.request) + 1
+        browser.run("scrollTo(0, 0)")  # from below the header
         browser.click(f"//button[normalize-space()='{button}']")
         _says(browser, place, number)
         assert link.request[-1][0] == asked

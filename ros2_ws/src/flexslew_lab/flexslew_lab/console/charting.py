@@ -59,7 +59,8 @@ def options(curves: list[Curve], title: str = TIME) -> dict[str, Any]:
         "grid": {"left": 58, "right": 14, "top": 34, "bottom": 36},
         "legend": {
             "top": 0, "type": "scroll", "data": labels,
-            "textStyle": {"fontSize": 10}, "itemWidth": 18, "itemHeight": 8, "right": 44, "left": 4,
+            "textStyle": {"fontSize": 10}, "itemWidth": 18, "itemHeight": 8,
+            "left": 4, "width": "80%",
         },
         "toolbox": {
             "right": 0, "top": 0, "itemSize": 11,

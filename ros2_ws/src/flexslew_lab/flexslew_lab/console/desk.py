@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from flexslew_lab.console.gui import Element, PageCallback
 from flexslew_lab.console.link import BenchLink, RequestResult
+from flexslew_lab.console.loop_margins import LoopMargins
 from flexslew_lab.console.server import ConsoleServer
 
 Act = Callable[[str], None]  # takes the user and page of the request
@@ -37,6 +38,7 @@ class PanelContext:
     ) -> None:
         self.server, self.gui = server, server.gui
         self.link, self.view = link, link.view
+        self.margins = LoopMargins(link.view)
         self._waiting: deque[tuple[Act, int]] = deque()
         self.replies: list[ReplyLine] = []
         self._user, self._notify = _user(), notify

@@ -69,13 +69,16 @@ body, .body--dark { background: var(--page) !important; color: var(--text); font
 .bench-scene { overflow: hidden; }
 .bench-scene > div { height: 100%; }  /* the canvas takes its size */
 .bench-table { max-height: 60vh; background: var(--panel); color: var(--text); }
+.bench-table table { width: 100%; }
 .bench-table td { overflow-wrap: anywhere; white-space: normal; cursor: pointer; }
 .bench-table td:first-child { white-space: nowrap; overflow-wrap: normal; }
 .bench-table tr:has(td) { vertical-align: top; }
 .q-tooltip { background: #333; font-size: 12px; }
 .bench-dialog { padding: 12px; gap: 8px; }
 .bench-dialog td { padding: 1px 10px 1px 0; }
-summary { cursor: pointer; }
+summary { cursor: pointer; display: list-item; list-style: disclosure-closed inside; }
+details[open] > summary { list-style-type: disclosure-open; }
+html { scroll-padding-top: 190px; }  /* what has the focus is not below the header */
 details > .bench-field { max-width: 400px; }
 :focus-visible { outline: 2px solid var(--link); outline-offset: 1px; }
 @media (prefers-reduced-motion: reduce) {

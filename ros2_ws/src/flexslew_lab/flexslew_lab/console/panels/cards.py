@@ -9,6 +9,7 @@ from flexslew_lab.console.desk import PanelContext, ReplyLine
 from flexslew_lab.console.forms import moment, not_negative
 from flexslew_lab.console.gui import Element
 from flexslew_lab.console.link import RequestResult
+from flexslew_lab.console.loop_margins import LoopMargin
 from flexslew_lab.console.view import ControllerView
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
@@ -49,7 +50,8 @@ class CardsPanel:
         self._none.visible = not known
         now = self._view.now
         for name, (text, switch) in self._cards.items():
-            text.content = _card_text(known[name], now.active == name)
+            margin = self._context.margins.of(name)
+            text.content = _card_text(known[name], now.active == name, margin)
             switch.visible, switch.enabled = now.active != name, known[name].ready
             if switch.parent is not None:
                 switch.parent.visible = self._tune is not None and now.state != "finished"
@@ -93,9 +95,10 @@ def switch_request(name: str, who: str) -> dict[str, Any]:
     return {"controller": name, "at": 0.0, **step, "timeout": 2.0, "who": who}
 
 
-def _card_text(controller: ControllerView, active: bool) -> str:
+def _card_text(controller: ControllerView, active: bool, margin: LoopMargin) -> str:
     state = "ready" if controller.ready else f"not ready: {controller.reason}"
     state, kind = ("active", "active") if active else (state, "ready" * controller.ready)
     name, law = html.escape(controller.name), html.escape(controller.law)
     law = f" <small>{law}</small>" if law != name else ""
-    return f'<b>{name}</b>{law}<div class="{kind}">{html.escape(state)}</div>'
+    loop = f"<div>{html.escape(margin.words)}</div>" if margin.known else ""
+    return f'<b>{name}</b>{law}<div class="{kind}">{html.escape(state)}</div>{loop}'

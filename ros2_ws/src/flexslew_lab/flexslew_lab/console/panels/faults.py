@@ -53,24 +53,28 @@ class _RequestForm:
 
     def send(self, who: str, made: Made) -> None:
         """Check the entry as the bench will; send it, or show its error next to the field."""
-        given = self._form.values(as_written=True) if self._form else None
-        if given is None:
-            return
-        try:
+
+        def entry(given: dict[str, Any]) -> dict[str, Any]:
             at = moment("from", given.pop("from", 0.0))
             if 0.0 < at <= self._view.time:
                 words = f"{at:g} is past: the bench is at {self._view.time:.2f} s"
                 raise BadInput(words, key="from")
             until = {"until": given.pop("until")} if "until" in given else {}
-            text = yaml_text({**made(given), **until}, flow=True)
-            requested_entry(text, at)
+            try:
+                text = yaml_text({**made(given), **until}, flow=True)
+                requested_entry(text, at)
+            except BadInput as error:
+                why = error.refusal  # its key is that of the field
+                raise BadInput(replace(why, source="", key=why.key.rpartition(".")[2])) from None
+            return {"fault": text, "at": at, "who": who}
+
+        try:
+            values = self._form.checked(entry, as_written=True) if self._form else None
         except BadInput as error:
-            why = error.refusal
-            bare = replace(why, source="", key=why.key.rpartition(".")[2])  # that of the field
-            if self._form is None or not self._form.refuse(bare):
-                self._reply.tell(RequestResult(False, str(why)))
+            self._reply.tell(RequestResult(False, str(error)))
             return
-        self._reply.ask(topics.INJECT_FAULT, {"fault": text, "at": at, "who": who})
+        if values is not None:
+            self._reply.ask(topics.INJECT_FAULT, values)
 
 
 class DisturbancePanel:
