@@ -99,6 +99,7 @@ _WITHOUT = (
     "Drawing and layouts",
     "Close",
     "Reset",
+    "Save",
     "?",
 )  # of the page itself, or with a dialog
 _AFTER_WRITING = ("Apply the gains", "Note it")  # before there is nothing to send

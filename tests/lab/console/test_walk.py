@@ -1,5 +1,6 @@
 """Every control of the page in Chromium, at four widths, with and without WebGL."""
 
+from math import sin
 from time import monotonic, sleep
 
 import pytest
@@ -127,6 +128,37 @@ def test_the_page_is_read_aloud_in_its_language_and_a_row_chosen_without_a_mouse
         browser.press("Enter", "Enter")
         ticked = "[role=checkbox][aria-label='Pause the view'][aria-checked=true]"
         browser.until("return document.querySelector(arguments[0]) !== null", ticked)
+
+
+def test_a_chart_is_saved_as_a_table_and_as_a_picture(served: tuple[Page, FakeLink]) -> None:
+    page, _ = served
+    with chromium("--disable-3d-apis") as browser:
+        browser.open(page.server.address, 1440)
+        browser.until("return document.querySelectorAll('.bench-grid svg path').length > 4")
+        browser.run(_CATCH)
+        for number, kind in enumerate(("CSV", "PNG", "SVG"), 1):
+            browser.click("(//button[normalize-space()='Save'])[1]")
+            browser.click(f"//*[@role='menu']//*[normalize-space()='{kind}' and @tabindex]")
+            browser.until("return saved.length === arguments[0]", number)
+            browser.until("return !document.querySelector('[role=menu]')")
+        found = browser.run(
+            "return Promise.all(saved.map(async one => [one.type, await one.text()]))"
+        )
+        assert [kind for kind, _ in found] == ["text/csv", "image/png", "image/svg+xml"]
+        head, *rows = found[0][1].splitlines()
+        assert head == '"time [s]","a [rad]","b [m]","reference a [rad]","reference b [m]"'
+        cells = [[float(cell or "nan") for cell in row.split(",")] for row in rows]
+        known = [row for row in cells if row[1] == row[1]]
+        assert len(known) > 100
+        assert all(abs(row[1] - 2e-6 * sin(row[0])) < 1e-8 for row in known)
+        assert found[2][1].startswith("<svg xmlns=")
+
+
+_CATCH = """
+window.saved = [];
+const make = URL.createObjectURL;
+URL.createObjectURL = blob => { saved.push(blob); return make.call(URL, blob); };
+"""
 
 
 def _works(browser: Browser, link: FakeLink) -> None:

@@ -60,7 +60,7 @@ def options(curves: list[Curve], title: str = TIME) -> dict[str, Any]:
         "legend": {
             "top": 0, "type": "scroll", "data": labels,
             "textStyle": {"fontSize": 10}, "itemWidth": 18, "itemHeight": 8,
-            "left": 4, "width": "80%",
+            "left": 4, "width": "74%",
         },
         "toolbox": {
             "right": 0, "top": 0, "itemSize": 11,

@@ -206,6 +206,16 @@ def _button(view: PageView, element: Element, act: Callable[[], None] | None = N
     return widget
 
 
+def _save(view: PageView, element: Element) -> Any:
+    """Return a button with a menu that saves the chart next to it, by the browser."""
+    place = view._widgets[element.data].id
+    widget = ui.button(element.label).props("no-caps dense unelevated color=blue-grey-8")
+    with widget.tooltip(element.hint), ui.menu():
+        for kind in element.options:
+            ui.menu_item(kind).on("click", js_handler=f"() => saveChart({place}, '{kind}')")
+    return widget
+
+
 def _set_key(widget: Any, element: Element) -> None:
     if element.key:
         widget.props["aria-keyshortcuts"] = element.key
@@ -369,6 +379,7 @@ _WIDGETS: dict[str, Callable[[PageView, Element], Any]] = {
     "brake": _button,
     "confirm": lambda view, e: _dialog(view, e, html.escape(e.hint), True),
     "help": _help,
+    "save": _save,
     "text": partial(_field, lambda e: ui.input(e.label, value=e.value)),
     "lines": partial(_field, lambda e: ui.textarea(e.label, value=e.value)),
     "number": partial(_field, lambda e: ui.number(e.label, value=_field_value(e), step=e.step)),

@@ -31,7 +31,8 @@ class Element:
         enabled: it can be worked.
         low, high, step: of a slider or a number.
         content: HTML.
-        data: of a chart, a table or a scene; never changed, only replaced.
+        data: of a chart, a table or a scene; never changed, only replaced. Of a button that saves
+            a chart, the place of the chart.
         color: of a button.
         key: that works it.
         children: what stands in it.

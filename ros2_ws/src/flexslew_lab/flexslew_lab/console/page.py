@@ -131,8 +131,8 @@ class Page:
         look.remove()
         gui.middle.children = (*gui.middle.children, look)  # below what it is about
         with places["Log"]:
-            panels += [NotePanel(context)] if live else []
             panels.append(EventsPanel(context, charts.jump))
+            panels += [NotePanel(context)] if live else []
         with places["End"]:
             panels.append(EndPanel(context, self.server.gate.files))
             panels.append(ComparePanel(context, charts))

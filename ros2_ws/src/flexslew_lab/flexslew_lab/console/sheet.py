@@ -25,7 +25,7 @@ body, .body--dark { background: var(--page) !important; color: var(--text); font
 .bench-top .bench-field { width: 84px; margin: 0; }
 #bench-state { display: flex; flex-wrap: wrap; gap: 0 12px; align-items: baseline;
   font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
-#bench-state > * { min-width: 0; }
+#bench-state > * { min-width: 0; font-size: inherit; line-height: inherit; margin: 0; }
 #bench-state .trial, #bench-state .time, #bench-state .active { font-weight: 600; }
 #bench-state .testbed, #bench-state .tick { color: var(--dim); }
 #bench-state .state { border: 1px solid var(--line); border-radius: 4px; padding: 0 6px; }
@@ -63,13 +63,14 @@ body, .body--dark { background: var(--page) !important; color: var(--text); font
 .bench-grid { display: grid; grid-template-columns: 1fr 1fr; gap: 4px 8px; }
 .bench-grid > * { min-width: 0; }
 .bench-grid .bench-field { margin: 0; }
-.bench-chart { width: 100%; height: clamp(120px, 35vh - 150px, 340px); }
+.bench-grid .bench-row { flex-wrap: nowrap; gap: 0 4px; }
+.bench-grid .bench-chart { resize: vertical; overflow: hidden; }  /* by its lower right corner */
+.bench-chart { width: 100%; height: clamp(120px, 35vh - 128px, 340px); }
 .bench-right .bench-chart { height: 190px; }
 .bench-scene, .bench-scene svg { width: 100%; height: clamp(170px, 30vh, 420px); }
 .bench-scene { overflow: hidden; }
 .bench-scene > div { height: 100%; }  /* the canvas takes its size */
-.bench-table { max-height: 60vh; background: var(--panel); color: var(--text); }
-.bench-table table { width: 100%; }
+.bench-table { width: 100%; max-height: 60vh; background: var(--panel); color: var(--text); }
 .bench-table td { overflow-wrap: anywhere; white-space: normal; cursor: pointer; }
 .bench-table td:first-child { white-space: nowrap; overflow-wrap: normal; }
 .bench-table tr:has(td) { vertical-align: top; }
@@ -78,7 +79,6 @@ body, .body--dark { background: var(--page) !important; color: var(--text); font
 .bench-dialog td { padding: 1px 10px 1px 0; }
 summary { cursor: pointer; display: list-item; list-style: disclosure-closed inside; }
 details[open] > summary { list-style-type: disclosure-open; }
-html { scroll-padding-top: 190px; }  /* what has the focus is not below the header */
 details > .bench-field { max-width: 400px; }
 :focus-visible { outline: 2px solid var(--link); outline-offset: 1px; }
 @media (prefers-reduced-motion: reduce) {
@@ -124,6 +124,37 @@ addEventListener("keydown", event => {
   [...document.querySelectorAll("[aria-keyshortcuts]")]
     .find(e => e.getAttribute("aria-keyshortcuts") === event.key && e.checkVisibility())?.click();
 });
+// a chart as a file: the points that are drawn, or the picture on a white ground
+function saveChart(place, kind) {
+  const box = document.querySelector(`#c${place} .bench-chart`), svg = box.querySelector("svg");
+  const words = document.querySelector(`#c${place} .q-field__native`).innerText.trim();
+  const send = blob => {
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(blob);
+    link.download = `${words.replace(/\\W+/g, "_") || "chart"}.${kind.toLowerCase()}`;
+    link.click();
+  };
+  if (kind === "CSV") {
+    const {dataset, series} = getElement(box.id.slice(1)).chart.getOption();
+    const names = series.map(one => one.name).filter(name => name?.includes("["));
+    const {t, ...rows} = dataset[0].source;
+    const lines = t.map((time, k) => [time, ...names.map((_, n) => rows[n][k] ?? "")].join(","));
+    const head = ["time [s]", ...names].map(name => `"${name.replaceAll('"', '""')}"`).join(",");
+    return send(new Blob([[head, ...lines, ""].join("\\n")], {type: "text/csv"}));
+  }
+  const text = new XMLSerializer().serializeToString(svg);
+  if (kind === "SVG") return send(new Blob([text], {type: "image/svg+xml"}));
+  const image = new Image(), canvas = document.createElement("canvas");
+  image.onload = () => {
+    [canvas.width, canvas.height] = [2 * svg.clientWidth, 2 * svg.clientHeight];
+    const drawing = canvas.getContext("2d");
+    drawing.fillStyle = "white";
+    drawing.fillRect(0, 0, canvas.width, canvas.height);
+    drawing.drawImage(image, 0, 0, canvas.width, canvas.height);
+    canvas.toBlob(send);
+  };
+  image.src = `data:image/svg+xml,${encodeURIComponent(text)}`;
+}
 // rows of a table are chosen without a mouse, too
 new MutationObserver(() => {
   for (const row of document.querySelectorAll(".bench-table tbody tr:not([tabindex])"))

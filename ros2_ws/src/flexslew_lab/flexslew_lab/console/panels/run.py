@@ -165,7 +165,6 @@ def _state_line(view: BenchView, name: str) -> str:
     tick = max(now.tick, round(view.time / joints.period)) if joints else now.tick
     end = f" of {now.last_tick}" if now.last_tick else ""
     parts = [
-        ("trial", name),
         ("testbed", joints.kind if joints else ""),
         (f"state {now.state.split(':')[0]}", now.state),
         ("time", f"{view.time:.2f} s"),
@@ -174,5 +173,6 @@ def _state_line(view: BenchView, name: str) -> str:
         ("missed", f"{now.missed_ticks} missed" if now.missed_ticks else ""),
         ("active", now.active or "no controller"),
     ]
-    spans = (f'<span class="{c}">{html.escape(text)}</span>' for c, text in parts if text)
-    return f'<div id="bench-state" aria-label="state of the bench">{" ".join(spans)}</div>'
+    spans = [f'<span class="{c}">{html.escape(text)}</span>' for c, text in parts if text]
+    head = f'<h1 class="trial">{html.escape(name or "flexslew")}</h1>'
+    return f'<div id="bench-state" aria-label="state of the bench">{" ".join([head, *spans])}</div>'
