@@ -47,7 +47,7 @@ WATCH = """
 window.seen = []; let last = "";
 new MutationObserver(() => {
   const said = document.getElementById("bench-state")?.textContent || "";
-  const found = said.match(/time\\s*([0-9.]+) s/);
+  const found = said.match(/([0-9.]+) s tick/);
   if (found && found[1] !== last) { last = found[1]; window.seen.push([Date.now(), +last]); }
 }).observe(document.body, {subtree: true, childList: true, characterData: true});
 """

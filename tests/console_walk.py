@@ -10,16 +10,19 @@ import numpy as np
 
 from flexslew_lab.console.link import RequestResult, Then
 from flexslew_lab.console.page import Page
+from flexslew_plant.graph.topics import STEP
 from flexslew_plant.testbeds.csa import CsaTestbed
 from tests.browser import Browser
 from tests.fake_bench import FakeLink
 
-SIZES = {1440: 900, 1024: 768, 390: 844}
-TABS = ("Run", "Swap", "Tune", "Experiment", "Plan", "Break", "Analyse", "Log", "View", "End")
+LQR = "{filter: {}, handover_time: 1.0}"
+
+SIZES = {1440: 900, 1024: 768, 768: 1024, 390: 844}
+TABS = ("Plan", "Faults", "Experiment", "Analysis", "Log", "End")
 # what stands on the page that a person can press, write into or choose from
 CONTROLS = """
 const seen = e => e.checkVisibility() && e.getBoundingClientRect().width > 0;
-const of = "button, input, textarea, [role=checkbox], [role=slider], [role=tab], a[href]";
+const of = "button, input, textarea, summary, [role=checkbox], [role=slider], [role=tab], a[href]";
 return [...document.querySelectorAll(of)].filter(seen).map(e => {
   e.scrollIntoView({block: "center"});
   const box = e.getBoundingClientRect();
@@ -35,11 +38,11 @@ return [...document.querySelectorAll(of)].filter(seen).map(e => {
 
 
 class CountingLink(FakeLink):
-    """Answers each request with its number."""
+    """Answers each request with its number, and refuses a step."""
 
     def ask(self, service: str, values: Mapping[str, Any], then: Then) -> None:
         self.request.append((service, dict(values)))
-        then(RequestResult(True, f"answer {len(self.request)}."))
+        then(RequestResult(service != STEP, f"answer {len(self.request)}."))
 
 
 @contextmanager
@@ -51,6 +54,7 @@ def served_page(folder: Path) -> Iterator[tuple[Page, FakeLink]]:
     view.truth.add(time, {"position": rows})
     view.controller_state.add(time, {"reference_position": rows})
     view.testbed = CsaTestbed()
+    view.controllers["lqr"] = view.controllers["pd"]._replace(name="lqr", law="lqr", settings=LQR)
     view.time, view.now = 39.99, view.now._replace(state="running", active="pd", rate_factor=1.0)
     page = Page(link, "127.0.0.1", 0, print, layouts=folder / "layouts.json")
     drawing = next(e for e in page.server.gui.all() if e.label == "Drawing")

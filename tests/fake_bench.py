@@ -11,7 +11,8 @@ JOINTS = Joints("two", ("a", "b"), ("rad", "m"), ("tip",), (150.0, 20.0), 0.01)
 SETTINGS = "{kp: [460.0, 460.0], kd: [920.0, 920.0], handover_time: 1.0, computed: {}}"
 DRAFT = SimpleNamespace(
     hash="d" * 64, method="reference_only", joint_names=["a", "b"], start=12.0, period=0.01,
-    position=[0.0, 0.0, 0.5, 0.1],
+    position=[0.0, 0.0, 0.5, 0.1], effort=[3.0, -4.0], request="{}",
+    summary="{predicted_residual_tip_deflection: 0.0037}",
 )  # fmt: skip
 
 

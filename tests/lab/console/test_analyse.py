@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.fake_bench import FakeLink
-from tests.lab.console.test_page import Hands
+from tests.hands import Hands
 
 from flexslew_control.controllers import build_controller, settings_text
 from flexslew_lab.analysis.analysis import loop_analysis
@@ -67,6 +67,42 @@ def test_the_page_shows_what_the_command_says_of_the_gains_that_fly(hands: Hands
     assert f"{np.degrees(expected.efforts[0].phase):.5g}" in page
 
 
+def settled(hands: Hands) -> str:
+    """Return what stands on the page once the margins of all loops are computed."""
+    margins = hands.page._context.margins
+    hands.refresh()
+    while margins._job is not None:
+        margins._job[1].exception()
+        hands.refresh()
+    return hands.texts()
+
+
+def test_a_card_shows_the_margin_of_its_loop_and_none_where_there_is_no_loop(hands: Hands) -> None:
+    expected = loop_analysis(replace(FLOWN, controllers={"pd_feedforward": TUNED}), "here", at=0.0)
+    texts = settled(hands)
+    assert f"<div>stable, disk margin {expected.disks['input'].alpha:.2f}</div>" in texts
+    assert texts.count("disk margin") == 1  # a law without a sensor has none
+
+
+@pytest.mark.parametrize(
+    ("gain", "words"), [("[600.0, 500.0]", "stable, disk margin"), ("[1e7, 1e7]", "not stable")]
+)
+def test_the_stability_of_new_gains_is_shown_before_they_are_applied(
+    hands: Hands, gain: str, words: str
+) -> None:
+    hands.click("Tune pd")
+    texts = settled(hands)
+    now = texts[texts.index("Linear loop: stable, disk margin") :][:40]
+    hands.set("kp", gain)
+    assert "computing ..." in (hands.refresh(), hands.texts())[1]
+    texts = settled(hands)
+    assert f"Linear loop with these gains: {words}" in texts
+    assert now.replace("Linear loop", "Now")[:26] in texts
+    hands.set("kp", "[")
+    assert "Linear loop" not in settled(hands)
+    assert hands.link.request == []  # nothing was applied
+
+
 def test_what_cannot_be_analysed_is_refused_in_words(hands: Hands) -> None:
     hands.set("analysed at", "-1")
     assert "refused: analysed at: -1.0 is not allowed" in analyse(hands)
@@ -82,16 +118,16 @@ def test_what_cannot_be_analysed_is_refused_in_words(hands: Hands) -> None:
 
 
 def test_a_law_is_loaded_from_a_file_and_its_content_is_sent(hands: Hands, tmp_path: Path) -> None:
-    hands.set("Tuned controller", "linear")
+    hands.click("Tune linear")
     hands.refresh()
     gains = [[400.0, 0.0, 900.0, 0.0], [0.0, 400.0, 0.0, 900.0]]
     np.savez(tmp_path / "law.npz", D=gains)
     for wrong, words in (("nowhere.npz", "cannot be read"), ("law.py", "give a file that ends in")):
         hands.set("file", str(tmp_path / wrong))
-        assert hands.click("Tune") == []
+        assert hands.click("Apply the gains") == []
         assert words in hands.texts()
     hands.set("file", str(tmp_path / "law.npz"))
-    [(service, values)] = hands.click("Tune")
+    [(service, values)] = hands.click("Apply the gains")
     assert service == "linear/tune"
     sent = load_yaml(values["settings"], "")
     assert set(sent) == {"system"}
@@ -100,6 +136,6 @@ def test_a_law_is_loaded_from_a_file_and_its_content_is_sent(hands: Hands, tmp_p
 
 
 def test_a_law_without_files_has_no_field_for_one(hands: Hands) -> None:
-    hands.set("Tuned controller", "pd")
+    hands.click("Tune pd")
     hands.refresh()
     assert hands.elements("file") == []

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.fake_bench import FakeLink
-from tests.lab.console.test_page import Hands
+from tests.hands import Hands
 from tests.lab.identification.shaken import bench, shaken, truth
 
 from flexslew_control.message_fields import plan_fields

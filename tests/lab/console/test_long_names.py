@@ -12,8 +12,8 @@ pytestmark = pytest.mark.browser
 
 _LONG = "b" * 60
 _OUTSIDE = """
-const place = document.querySelector('.bench-left').getBoundingClientRect();
-return [...document.querySelectorAll('#bench-state td, #bench-state th')]
+const place = document.querySelector('body').getBoundingClientRect();
+return [...document.querySelectorAll('#bench-state span, .bench-card b, .bench-card .q-btn')]
   .map(e => [e.innerText, e.getBoundingClientRect()])
   .filter(([, box]) => box.right > place.right + 1 || box.height > 120)
   .map(([text]) => text);

@@ -5,62 +5,20 @@ from itertools import permutations
 from math import inf, nan, pi
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 from tests.fake_bench import FakeLink
+from tests.hands import Hands, shown
 from tests.page_client import PageClient
 
 from flexslew_lab.console import quantities
 from flexslew_lab.console.forms import OpenedOn, scaled
-from flexslew_lab.console.gui import Element, Gui
+from flexslew_lab.console.gui import Gui
 from flexslew_lab.console.page import Page
 from flexslew_plant.events import AnswerMissing, OperatorNote
 from flexslew_plant.events.event import event_of
 from flexslew_plant.yaml_data import load_yaml
-
-
-class Hands:
-    """Works the page as its elements, without a browser."""
-
-    def __init__(self, page: Page, link: FakeLink) -> None:
-        self.page, self.link, self.gui = page, link, page.server.gui
-
-    def elements(self, label: str) -> list[Element]:
-        found = [e for e in self.gui.all() if e.kind not in ("html", "folder", "tab", "slider")]
-        return [e for e in found if e.label == label or e.label.startswith(f"{label} [")]
-
-    def set(self, label: str, value: Any) -> None:
-        self.elements(label)[-1].value = value  # unchecked
-
-    def click(self, label: str) -> list[tuple[str, dict[str, Any]]]:
-        """Return what the bench is asked for."""
-        self.link.request.clear()
-        for told in self.elements(label)[0].on_click:
-            told(3)
-        self.page._context.work()
-        self.page.refresh()
-        return list(self.link.request)
-
-    def refresh(self) -> None:
-        self.page.refresh()
-
-    def charts(self) -> list[Element]:
-        """Return the charts that stand on the page."""
-        return [e for e in self.gui.all() if e.kind == "chart" and _shown(e)]
-
-    def titles(self) -> list[str]:
-        """Return their titles."""
-        return [e.data.options["title"]["text"] for e in self.charts()]
-
-    def texts(self) -> str:
-        """Return everything that stands on the page as HTML."""
-        return "\n".join(e.content for e in self.gui.all() if _shown(e))
-
-
-def _shown(element: Element) -> bool:
-    return element.visible and (element.parent is None or _shown(element.parent))
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +34,6 @@ def hands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hands]:
 def test_the_run_is_asked_for_by_name_with_who(hands: Hands) -> None:
     for button, action in (
         ("Start", "start"),
-        ("Pause", "pause"),
         ("Reset", "reset"),
         ("Brake (space bar)", "brake"),
         ("Release the brake", "release_brake"),
@@ -97,24 +54,21 @@ def test_a_step_that_is_none_is_told_and_not_sent(hands: Hands, ticks: float) ->
 
 @pytest.mark.parametrize("rate", ["0.1", "1", "10", "fast"])
 def test_rates_are_those_of_the_list(hands: Hands, rate: str) -> None:
-    hands.set("Rate", rate)
-    [(service, values)] = hands.click("Set the rate")
+    [(service, values)] = hands.change("Rate", rate)
     assert service == "set_rate"
     assert values["rate_factor"] == (0.0 if rate == "fast" else float(rate))
-    hands.set("Rate", "warp")
-    assert hands.click("Set the rate") == []
+    assert hands.change("Rate", "warp") == []
 
 
 def test_a_switch_carries_its_limit_and_refuses_a_time_that_is_none(hands: Hands) -> None:
-    hands.set("Controller", "pd")
     hands.set("Strict", True)
     hands.set("Largest step", 0.25)
-    [(service, values)] = hands.click("Switch")
+    [(service, values)] = hands.click("Switch to pd")
     assert service == "switch_controller"
     assert (values["controller"], values["strict"], values["max_effort_step"]) == ("pd", True, 0.25)
     for wrong in (-1.0, nan, inf):
         hands.set("At [s]", wrong)
-        assert hands.click("Switch") == []
+        assert hands.click("Switch to pd") == []
     hands.set("At [s]", 0.0)
 
 
@@ -133,23 +87,23 @@ def test_a_switch_carries_its_limit_and_refuses_a_time_that_is_none(hands: Hands
 def test_a_wrong_gain_is_told_beside_its_field(
     hands: Hands, key: str, text: str, words: str
 ) -> None:
-    hands.set("Tuned controller", "pd")
+    hands.click("Tune pd")
     hands.refresh()
     field = hands.elements(key)[-1]
     before = field.value
     field.value = text
-    assert hands.click("Tune") == []
+    assert hands.click("Apply the gains") == []
     assert words in hands.texts()
     field.value = before
-    assert hands.click("Tune") == []
+    assert hands.click("Apply the gains") == []
     assert "nothing has changed" in hands.texts()
 
 
 def test_only_what_has_changed_is_tuned(hands: Hands) -> None:
-    hands.set("Tuned controller", "pd")
+    hands.click("Tune pd")
     hands.refresh()
     hands.set("kd", "[900.0, 900.0]")
-    [(service, values)] = hands.click("Tune")
+    [(service, values)] = hands.click("Apply the gains")
     assert service == "pd/tune"
     assert load_yaml(values["settings"], "") == {"kd": [900.0, 900.0]}
     hands.set("kd", "[920.0, 920.0]")
@@ -205,6 +159,28 @@ def test_a_plan_needs_a_start_to_come(hands: Hands) -> None:
     assert "1: J 5.0000e-01" in hands.texts()
 
 
+def test_every_wrong_field_of_a_plan_is_marked_at_once(hands: Hands) -> None:
+    wrong = {"goal of a": "1e9", "goal of b": "2 min", "duration": "-1", "start": "soon"}
+    for field, text in {**wrong, "more": "["}.items():
+        hands.set(field, text)
+    assert hands.click("Plan") == []
+    for field in (*wrong, "more"):
+        assert f'role="alert" class="bench-note">{field}: ' in hands.texts(), field
+    for field in (*wrong, "more"):
+        hands.change(field, "")
+        assert f'role="alert" class="bench-note">{field}: ' not in hands.texts()
+    hands.set("start", "")
+    hands.set("goal of a", "0.5")
+    hands.set("goal of b", "0.0")
+
+
+def test_a_button_writes_a_start_five_seconds_from_now(hands: Hands) -> None:
+    hands.link.view.time = 12.3
+    hands.click("In 5 s")
+    assert hands.elements("start")[-1].value == "18"
+    hands.link.view.time = 0.0
+
+
 def test_a_planner_of_ones_own_is_asked_of_the_planner_and_not_run_by_the_page(
     hands: Hands,
 ) -> None:
@@ -233,6 +209,8 @@ def test_a_draft_is_drawn_and_waits_for_a_decision(hands: Hands, button: str, wo
     assert title in hands.titles()
     [draft] = [c for c in hands.charts() if c.data.options["title"]["text"] == title]
     assert draft.data.options["legend"]["data"] == ["planned a [rad]", "planned b [m]"]
+    assert "largest effort: a 3 N m, b 4 N" in hands.texts()
+    assert "predicted residual: tip deflection 0.0037 m" in hands.texts()
     [(service, values)] = hands.click(button)
     assert (service, values["action"]) == ("decide_plan", f"{word} {'d' * 64}")
     assert not hands.elements(button)[0].visible
@@ -269,7 +247,7 @@ def test_a_chart_shows_its_window_and_a_dashed_reference(hands: Hands) -> None:
 
 
 def test_a_slider_scales_all_of_a_gain_and_comes_back(hands: Hands) -> None:
-    hands.set("Tuned controller", "pd")
+    hands.click("Tune pd")
     hands.refresh()
     field = hands.elements("kp")[-1]
     [slider] = [e for e in hands.gui.all() if e.kind == "slider" and e.label.startswith("kp ")]
@@ -311,14 +289,15 @@ def test_what_does_nothing_after_the_end_is_gone(hands: Hands) -> None:
     before = view.now
     view.now = before._replace(state="finished")
     hands.refresh()
-    for button in ("Start", "Pause", "Switch", "Tune", "Plan", "Disturb", "Break", "Note it"):
-        assert not _shown(hands.elements(button)[0]), button
+    gone = ("Start", "Reset", "Switch to pd", "Tune pd", "Plan", "Disturb", "Break", "Note it")
+    for button in gone:
+        assert not shown(hands.elements(button)[0]), button
     assert not hands.elements("Brake (space bar)")[0].enabled
     for button in ("Overlay it", "View from above", "Clear the charts"):
-        assert _shown(hands.elements(button)[0]), button
+        assert shown(hands.elements(button)[0]), button
     view.now = before
     hands.refresh()
-    assert _shown(hands.elements("Start")[0])
+    assert shown(hands.elements("Start")[0])
 
 
 def test_warnings_of_a_kind_that_follow_each_other_are_one_row(hands: Hands) -> None:
@@ -360,13 +339,8 @@ def test_a_table_that_leaves_events_out_says_so(hands: Hands) -> None:
     assert "The newest 200 rows" not in hands.texts()
 
 
-def test_reset_stands_below_everything_else_of_the_run_and_in_a_folder_of_its_own(
-    hands: Hands,
-) -> None:
-    names = [e.label for e in hands.gui.left.all()]
-    order = [names.index(one) for one in ("Start", "Pause", "Step", "Set the rate", "Reset")]
-    assert order == sorted(order)
-    assert hands.elements("Reset")[0].parent is not hands.elements("Pause")[0].parent
+def test_reset_asks_before_it_ends_what_is_flown(hands: Hands) -> None:
+    assert hands.elements("Reset")[0].kind == "confirm"
 
 
 def test_forms_open_on_the_law_in_charge_and_stay_where_a_person_has_put_them(
@@ -379,11 +353,11 @@ def test_forms_open_on_the_law_in_charge_and_stay_where_a_person_has_put_them(
     try:
         hands = Hands(page, link)
         hands.refresh()
-        for field in ("Controller", "Tuned controller"):
+        for field in ("Analysed controller", "Tuned controller"):
             assert hands.elements(field)[0].value == "pd"
             hands.set(field, "after")
         hands.refresh()
-        for field in ("Controller", "Tuned controller"):
+        for field in ("Analysed controller", "Tuned controller"):
             assert hands.elements(field)[0].value == "after"
     finally:
         page.close()
@@ -454,7 +428,7 @@ def test_a_page_opens_where_the_option_that_was_chosen_has_gone(hands: Hands) ->
     hands.set("Rate", "no rate any more")
     hands.refresh()
     late = PageClient(hands.page.server.address)
-    assert "Set the rate" in {e["label"] for e in late.inputs.values()}
+    assert "Step" in {e["label"] for e in late.inputs.values()}
     late.socket.close()
 
 
@@ -467,10 +441,13 @@ def test_the_form_of_a_plan_opens_on_the_method_that_flies(tmp_path: Path) -> No
         assert hands.elements("Method")[-1].value == "optimized_feedforward"
         link.view.plan = SimpleNamespace(
             method="time_optimal", hash="a", joint_names=("a", "b"), start=0.0, period=0.1,
-            position=np.zeros(8),
+            position=np.zeros(8), effort=np.zeros(6), summary="{}",
+            request="{method: time_optimal, goal: {a: 0.3}, duration: 8.0, functions: 12}",
         )  # fmt: skip
         hands.refresh()
         assert hands.elements("Method")[-1].value == "time_optimal"
+        for field, text in (("goal of a", "0.3"), ("goal of b", "0.0"), ("duration", "8.0")):
+            assert hands.elements(field)[-1].value == text
         hands.set("Method", "input_shaping")  # whatever flies next, this was chosen
         link.view.plan = SimpleNamespace(**{**vars(link.view.plan), "hash": "b"})
         hands.refresh()

@@ -1,4 +1,7 @@
-"""Every control of the page in Chromium, at three widths, with and without WebGL."""
+"""Every control of the page in Chromium, at four widths, with and without WebGL."""
+
+from math import sin
+from time import monotonic, sleep
 
 import pytest
 from tests.browser import PALE, Browser, chromium
@@ -21,11 +24,11 @@ _BRAKE = """
 const box = document.getElementById("brake").getBoundingClientRect();
 return [box.left, box.top].map(Math.round);
 """
-# fields and charts of the panel on the left that do not fill it
+# fields and charts of the tabs that do not fill them
 _NARROW = """
-return [...document.querySelectorAll(".bench-left .bench-field, .bench-left .bench-chart")]
+return [...document.querySelectorAll(".bench-right .bench-field, .bench-right .bench-chart")]
   .filter(e => e.checkVisibility())
-  .filter(e => e.getBoundingClientRect().width < 0.85 * e.closest(".bench-left").clientWidth)
+  .filter(e => e.getBoundingClientRect().width < 0.85 * e.closest(".bench-right").clientWidth)
   .map(e => e.innerText || e.ariaLabel);
 """
 # every time of the log stands in one line
@@ -38,10 +41,11 @@ return times.length && times.every(e => {
   return new Set([...range.getClientRects()].map(box => Math.round(box.top))).size === 1;
 });
 """
+_NO_PALE = f"return (() => {{ {PALE} }})().length === 0"  # once the colours have changed
 _FITS = """
 const boxes = [...document.querySelectorAll(".bench-grid .bench-chart svg")]
   .map(e => e.getBoundingClientRect());
-return boxes.length === 4 && boxes.every(box => box.bottom <= innerHeight && box.width > 250);
+return boxes.length === 4 && boxes.every(box => box.bottom <= innerHeight && box.width > 200);
 """
 
 
@@ -62,9 +66,11 @@ def test_every_control_can_be_reached_and_the_brake_stays_where_it_is(
             drawn = "canvas" if webgl else "svg[aria-label^=testbed]"
             browser.until(f"return document.querySelector('.bench-scene {drawn}') !== null")
             browser.until("return document.querySelectorAll('.bench-grid svg path').length > 4")
-            if width == 1440:
+            if width >= 1024:
                 assert browser.until(_FITS)
-            for tab in TABS:
+            for number, tab in enumerate(TABS):
+                scheme = {"name": "prefers-color-scheme", "value": ("light", "dark")[number % 2]}
+                browser.devtools("Emulation.setEmulatedMedia", {"features": [scheme]})
                 open_tab(browser, tab)
                 browser.until("return !document.querySelector('.q-tab-panel .q-transition')")
                 controls = browser.run(CONTROLS)
@@ -72,7 +78,7 @@ def test_every_control_can_be_reached_and_the_brake_stays_where_it_is(
                 wrong = [c["name"] for c in controls if not (c["inside"] and c["hit"])]
                 assert not wrong, (width, tab, wrong)
                 assert browser.run(_NARROW) == [], (width, tab)
-                assert browser.run(PALE) == [], (width, tab)
+                assert browser.until(_NO_PALE, within=20.0), (width, tab, browser.run(PALE))
                 if tab == "Log":
                     assert browser.until(_WHOLE, within=20.0), width
                 assert browser.run("return document.documentElement.scrollWidth <= innerWidth")
@@ -124,23 +130,66 @@ def test_the_page_is_read_aloud_in_its_language_and_a_row_chosen_without_a_mouse
         browser.until("return document.querySelector(arguments[0]) !== null", ticked)
 
 
+def test_a_chart_is_saved_as_a_table_and_as_a_picture(served: tuple[Page, FakeLink]) -> None:
+    page, _ = served
+    with chromium("--disable-3d-apis") as browser:
+        browser.open(page.server.address, 1440)
+        browser.until("return document.querySelectorAll('.bench-grid svg path').length > 4")
+        browser.run(_CATCH)
+        for number, kind in enumerate(("CSV", "PNG", "SVG"), 1):
+            browser.click("(//button[normalize-space()='Save'])[1]")
+            browser.click(f"//*[@role='menu']//*[normalize-space()='{kind}' and @tabindex]")
+            browser.until("return saved.length === arguments[0]", number)
+            browser.until("return !document.querySelector('[role=menu]')")
+        found = browser.run(
+            "return Promise.all(saved.map(async one => [one.type, await one.text()]))"
+        )
+        assert [kind for kind, _ in found] == ["text/csv", "image/png", "image/svg+xml"]
+        head, *rows = found[0][1].splitlines()
+        assert head == '"time [s]","a [rad]","b [m]","reference a [rad]","reference b [m]"'
+        cells = [[float(cell or "nan") for cell in row.split(",")] for row in rows]
+        known = [row for row in cells if row[1] == row[1]]
+        assert len(known) > 100
+        assert all(abs(row[1] - 2e-6 * sin(row[0])) < 1e-8 for row in known)
+        assert found[2][1].startswith("<svg xmlns=")
+
+
+_CATCH = """
+window.saved = [];
+const make = URL.createObjectURL;
+URL.createObjectURL = blob => { saved.push(blob); return make.call(URL, blob); };
+"""
+
+
 def _works(browser: Browser, link: FakeLink) -> None:
     """Press what the bench is asked by, and look at what the page says then."""
-    for tab, button, asked in (
-        ("Run", "Start", "operate"),
-        ("Run", "Set the rate", "set_rate"),
-        ("Swap", "Switch", "switch_controller"),
-        ("Break", "Disturb", "inject_fault"),
+    open_tab(browser, "Faults")
+    for button, place, asked in (
+        ("Step", "header", "step"),
+        ("Switch to lqr", ".bench-left", "switch_controller"),
+        ("Disturb", ".q-tab-panel", "inject_fault"),
     ):
-        open_tab(browser, tab)
         number = len(link.request) + 1
+        browser.run("scrollTo(0, 0)")  # from below the header
         browser.click(f"//button[normalize-space()='{button}']")
-        _says(browser, ".q-tab-panel", number)
+        _says(browser, place, number)
         assert link.request[-1][0] == asked
-    number = len(link.request) + 1
-    browser.press(" ", "Space")
-    _says(browser, "header", number)
-    assert link.request[-1][1]["action"] == "brake"
+    for key, code, action in ((" ", "Space", "brake"), ("p", "KeyP", "pause")):
+        number = len(link.request) + 1
+        browser.press(key, code)
+        _asked(link, number)
+        assert link.request[-1][1]["action"] == action
+    browser.press("r", "KeyR")
+    browser.click("//*[contains(@class, 'q-dialog')]//button[normalize-space()='Reset now']")
+    _asked(link, number + 1)
+    assert link.request[-1][1]["action"] == "reset"
+    browser.until("return !document.querySelector('.q-dialog')")
+    browser.press("?", "Slash")
+    keys = "return document.querySelector('.q-dialog')?.innerText.includes('lqr takes over')"
+    browser.until(keys)
+    assert browser.run(PALE) == []
+    browser.click("//*[contains(@class, 'q-dialog')]//button[normalize-space()='Close']")
+    browser.until("return !document.querySelector('.q-dialog')")
     ticks = browser.run(_TEXTS)
     assert any("e-6" in tick for tick in ticks)  # not "0, 0, -0"
     assert "40" in ticks or "39.99" in ticks or "35" in ticks
@@ -152,6 +201,13 @@ def _chooses_curves(browser: Browser, page: Page) -> None:
     for quantity, small in (("velocity", False), ("position", True)):
         choice.value = quantity
         browser.until(f"{_TEXTS}.some(text => text.includes('e-6')) === arguments[0]", small)
+
+
+def _asked(link: FakeLink, number: int) -> None:
+    end = monotonic() + 60.0
+    while len(link.request) < number:
+        assert monotonic() < end, link.request[-1]
+        sleep(0.02)
 
 
 def _says(browser: Browser, place: str, number: int) -> None:

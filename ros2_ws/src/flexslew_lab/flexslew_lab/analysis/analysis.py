@@ -1,6 +1,6 @@
 """What flies in a trial, in the order of a control engineer's questions."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -174,6 +174,7 @@ def loop_analysis(
     at: float | str | None = None,
     joints: Mapping[str, float | str] | None = None,
     plan: Plan | None = None,
+    errors: Sequence[float] = ERRORS,
 ) -> Analysis:
     """Return what a controller of a trial does about a rest.
 
@@ -185,6 +186,7 @@ def loop_analysis(
             there is none or joints are given.
         joints: where they rest instead [rad or m], or with a unit.
         plan: that is flown; None: the trial's own.
+        errors: factors of stiffness and payload of the other plants [-].
 
     Raises:
         BadInput: no such controller, or it has no linear form there.
@@ -208,16 +210,17 @@ def loop_analysis(
     loop = loop_of(sampled_plant(point.rest, point.path, applied=True), running.form)
     if not loop.sensors:
         raise BadInput(f"{source}: {name} listens to no sensor there: it closes no loop")
-    return _measured(trial, name, law, point, running, loop, plan)
+    others = _plant_variants(trial, point, running, errors) if is_stable(loop) else ()
+    return _measured(name, law, point, running, loop, others, plan)
 
 
 def _measured(
-    trial: Trial,
     name: str,
     law: str,
     point: Point,
     running: RunningLaw,
     loop: ControlLoop,
+    others: tuple[OtherPlant, ...],
     plan: Plan | None,
 ) -> Analysis:
     sweep = frequency_response(loop)
@@ -242,7 +245,7 @@ def _measured(
         tuple(margins[loop.efforts :]),
         {place: disk_margins(sweep, names) for place, names in places.items()} if stable else {},
         {place: peaks(sweep, places[place]) for place in ("input", "output")} if stable else {},
-        _plant_variants(trial, point, running) if stable else (),
+        others,
         plan,
     )
 
@@ -273,14 +276,16 @@ def is_stable(loop: ControlLoop) -> bool:
     return not unstable_poles(loop).size and not free_rigid_modes(loop).joints
 
 
-def _plant_variants(trial: Trial, point: Point, running: RunningLaw) -> tuple[OtherPlant, ...]:
+def _plant_variants(
+    trial: Trial, point: Point, running: RunningLaw, errors: Sequence[float]
+) -> tuple[OtherPlant, ...]:
     """Return the margins on plants with errors, the law as it is."""
     here, testbed = point.rest, plant_of(trial).testbed
     position = here.model.joint_state(here.state)[0]
     joints = dict(zip(here.model.joint_names, position.tolist(), strict=True))
     out = []
-    for stiffness in ERRORS:
-        for payload in ERRORS:
+    for stiffness in errors:
+        for payload in errors:
             try:
                 other = testbed.scaled(stiffness, payload)
             except BadInput:  # it carries none

@@ -48,6 +48,8 @@ def options(curves: list[Curve], title: str = TIME) -> dict[str, Any]:
         },
     }  # fmt: skip
     labels = [curve.label for curve in curves]
+    limits = {} if curves else {"min": 0, "max": 1}  # else an empty chart has no axis
+    title = title if curves else f"{title}; no data"
     description = {"description": f"chart of {', '.join(labels) or 'nothing'} over {title}"}
     small = {"fontSize": 10}
     digits = {**small, ":formatter": _DIGITS}
@@ -57,7 +59,8 @@ def options(curves: list[Curve], title: str = TIME) -> dict[str, Any]:
         "grid": {"left": 58, "right": 14, "top": 34, "bottom": 36},
         "legend": {
             "top": 0, "type": "scroll", "data": labels,
-            "textStyle": {"fontSize": 10}, "itemWidth": 18, "itemHeight": 8, "right": 44, "left": 4,
+            "textStyle": {"fontSize": 10}, "itemWidth": 18, "itemHeight": 8,
+            "left": 4, "width": "74%",
         },
         "toolbox": {
             "right": 0, "top": 0, "itemSize": 11,
@@ -67,7 +70,7 @@ def options(curves: list[Curve], title: str = TIME) -> dict[str, Any]:
         },
         "tooltip": {"trigger": "axis", ":valueFormatter": _DIGITS, "textStyle": {"fontSize": 11}},
         "xAxis": {"type": "value", "axisLabel": {**small, "hideOverlap": True}},
-        "yAxis": {"type": "value", "scale": True, "axisLabel": digits, "splitNumber": 4},
+        "yAxis": {"type": "value", "scale": True, "axisLabel": digits, "splitNumber": 4, **limits},
         "series": [*series, events],
     }  # fmt: skip
 

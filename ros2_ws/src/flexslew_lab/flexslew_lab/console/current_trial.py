@@ -1,17 +1,19 @@
 """The trial that a bench flies now, from its own reports and those of its controllers."""
 
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
 from flexslew_control.controllers import COMPUTED_KEYS
 from flexslew_lab.console.view import BenchView
+from flexslew_lab.trial.overrides import override_values
 from flexslew_lab.trial.trial import Trial, trial_of_values
 from flexslew_plant.bench.records import BenchSettings
 from flexslew_plant.errors import BadInput
 from flexslew_plant.yaml_data import load_yaml
 
 
-def current_trial(view: BenchView, controller: str) -> Trial:
+def current_trial(view: BenchView, controller: str, changes: Mapping[str, Any] = {}) -> Trial:
     """Return the trial of one controller of a bench, tuned as it is, without a plan.
 
     What was injected by hand is left out; the schedule's disturbances and faults are included.
@@ -19,6 +21,7 @@ def current_trial(view: BenchView, controller: str) -> Trial:
     Args:
         view: view of the bench.
         controller: name of the active controller.
+        changes: its settings that differ from those that it has reported.
 
     Raises:
         BadInput: if the bench or the controller has not reported its settings yet, or is code of
@@ -32,7 +35,7 @@ def current_trial(view: BenchView, controller: str) -> Trial:
     kept = {item.name for item in fields(BenchSettings)}
     values = {key: value for key, value in bench.items() if key in kept}
     schedule = [entry for entry in values.get("schedule") or () if not entry.get("switch")]
-    settings = settings_of(known.settings)
+    settings = override_values(settings_of(known.settings), dict(changes))
     values |= {
         "schedule": schedule,
         "fallback": [],

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from flexslew_lab.console.gui import Element, PageCallback
 from flexslew_lab.console.link import BenchLink, RequestResult
+from flexslew_lab.console.loop_margins import LoopMargins
 from flexslew_lab.console.server import ConsoleServer
 
 Act = Callable[[str], None]  # takes the user and page of the request
@@ -37,7 +38,9 @@ class PanelContext:
     ) -> None:
         self.server, self.gui = server, server.gui
         self.link, self.view = link, link.view
+        self.margins = LoopMargins(link.view)
         self._waiting: deque[tuple[Act, int]] = deque()
+        self.replies: list[ReplyLine] = []
         self._user, self._notify = _user(), notify
 
     @property
@@ -72,6 +75,11 @@ class PanelContext:
 
         self.server.call(swap)
 
+    def refresh(self) -> None:
+        """Remove the messages that are no longer true."""
+        for reply in self.replies:
+            reply.refresh()
+
     def work(self) -> None:
         """Perform the requests that the pages have sent since the last call."""
         while self._waiting:
@@ -86,7 +94,7 @@ class PanelContext:
 
 
 class ReplyLine:
-    """A line that shows the outcome of the last request of its panel.
+    """A line that shows the outcome of the last request of its panel, as long as it is true.
 
     Args:
         context: desk of the page.
@@ -95,30 +103,62 @@ class ReplyLine:
     def __init__(self, context: PanelContext) -> None:
         self._link, self._content = context.link, ""
         self._html = context.gui.html()
+        self._holds: Callable[[], bool] | None = None
+        context.replies.append(self)
 
     def ask(
         self,
         service: str,
         values: Mapping[str, Any],
         then: Callable[[RequestResult], None] = lambda result: None,
+        done: Callable[[], bool] | None = None,
     ) -> None:
-        """Ask the bench, and show its answer."""
+        """Request something of the bench, and show its answer.
+
+        Args:
+            service: name of its service.
+            values: fields of the request.
+            then: called with the answer.
+            done: whether the state of the bench, which the page shows anyway, is the requested one.
+                A success then needs no message, and a repeated request is a success.
+        """
 
         def answer(result: RequestResult) -> None:
-            self.tell(result)
+            if done is not None and (result.ok or done()):
+                self.clear()
+            else:
+                self.tell(result)
             then(result)
 
         self.tell(RequestResult(True, "asked ..."))
         self._link.ask(service, values, answer)
 
-    def tell(self, result: RequestResult) -> None:
-        """Show an answer, a refusal as such in words."""
+    def tell(self, result: RequestResult, holds: Callable[[], bool] | None = None) -> None:
+        """Show an answer, a refusal as such in words.
+
+        Args:
+            result: the answer.
+            holds: whether it is still true. None: a refusal until the state of the bench changes,
+                another answer until a reset.
+        """
         words = result.message if result.ok else f"refused: {result.message}"
-        role, color = ("status", "inherit") if result.ok else ("alert", "#b00020")
-        self._show(line(words, role, color))
+        known = self._state(result.ok)
+        self._holds = holds or (lambda: self._state(result.ok) == known)
+        self._show(line(words, "status" if result.ok else "alert"))
+
+    def _state(self, ok: bool) -> tuple[object, ...]:
+        """Return the state of the bench that an answer depends on."""
+        now, brake = self._link.view.now, self._link.view.brake_on_next
+        return (now.epoch,) if ok else (now.epoch, now.state, now.active, brake)
+
+    def refresh(self) -> None:
+        """Clear the line if it is no longer true."""
+        if self._holds is not None and not self._holds():
+            self.clear()
 
     def clear(self) -> None:
         """Show an empty line."""
+        self._holds = None
         self._show("")
 
     def _show(self, content: str) -> None:
@@ -126,11 +166,10 @@ class ReplyLine:
             self._html.content = self._content = content
 
 
-def line(words: str, role: str = "", color: str = "inherit") -> str:
-    """Return one line of text as HTML."""
+def line(words: str, role: str = "") -> str:
+    """Return one line of text as HTML; the role alert has the colour of a refusal."""
     attribute = f' role="{role}"' if role else ""
-    style = f"color:{color};font-size:0.85em;padding:0 0.7em 0.4em;overflow-wrap:anywhere"
-    return f'<div{attribute} style="{style}">{html.escape(words)}</div>' if words else ""
+    return f'<div{attribute} class="bench-note">{html.escape(words)}</div>' if words else ""
 
 
 def _user() -> str:

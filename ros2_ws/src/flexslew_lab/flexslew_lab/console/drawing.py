@@ -1,5 +1,6 @@
 """The elements of the page as one browser shows them, by NiceGUI."""
 
+import html
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -12,7 +13,7 @@ from flexslew_lab.console.gui import Element, Gui, accepted
 from flexslew_lab.console.scene_drawing import SceneWidget
 from flexslew_lab.console.sheet import PRIMARY, SCRIPT, SHEET
 
-_PLACES = ("folder", "tools", "grid")  # of other elements
+_PLACES = ("folder", "details", "tools", "grid", "row", "stack", "card")  # of other elements
 _LARGE = ("chart", "scene")  # what a page draws for longer than it takes to send
 # whether the browser draws in three dimensions: 0 not at all, 1 by the processor, 2 by a card
 _WEBGL = """(() => {
@@ -59,6 +60,7 @@ class PageView:
         with ui.element("div").classes("bench-page"):
             self._place(gui.left, "bench-left")
             self._place(gui.middle, "bench-middle")
+            self._place(gui.right, "bench-right")
 
     async def settle(self) -> None:
         """Ask whether the browser draws in three dimensions."""
@@ -193,14 +195,50 @@ def _field(make: Callable[[Element], Any], view: PageView, element: Element) -> 
     return widget
 
 
-def _button(view: PageView, element: Element) -> Any:
-    widget = ui.button(element.label, on_click=lambda: view.on_click(element))
+def _button(view: PageView, element: Element, act: Callable[[], None] | None = None) -> Any:
+    widget = ui.button(element.label, on_click=act or (lambda: view.on_click(element)))
     widget.props(f"no-caps dense unelevated color={element.color or 'primary'}")
+    _set_key(widget, element)
     if element.kind == "brake":
         widget.props("id=brake")
     if element.hint:
         widget.tooltip(element.hint)
     return widget
+
+
+def _save(view: PageView, element: Element) -> Any:
+    """Return a button with a menu that saves the chart next to it, by the browser."""
+    place = view._widgets[element.data].id
+    widget = ui.button(element.label).props("no-caps dense unelevated color=blue-grey-8")
+    with widget.tooltip(element.hint), ui.menu():
+        for kind in element.options:
+            ui.menu_item(kind).on("click", js_handler=f"() => saveChart({place}, '{kind}')")
+    return widget
+
+
+def _set_key(widget: Any, element: Element) -> None:
+    if element.key:
+        widget.props["aria-keyshortcuts"] = element.key
+
+
+def _dialog(view: PageView, element: Element, text: str, confirm: bool) -> Any:
+    """Return a button that opens a dialog; the same button in it confirms a question."""
+    with ui.dialog() as dialog, ui.card().classes("bench-dialog"):
+        ui.html(text, sanitize=False)
+        with ui.element("div").classes("bench-row"):
+            if confirm:
+                yes = ui.button(f"{element.label} now", on_click=lambda: view.on_click(element))
+                yes.on_click(dialog.close).props("no-caps dense unelevated color=negative")
+            close = ui.button("Cancel" if confirm else "Close", on_click=dialog.close)
+            close.props("no-caps dense unelevated autofocus color=blue-grey-8")
+    return _button(view, element, dialog.open)
+
+
+def _help(view: PageView, element: Element) -> Any:
+    keys = {"Space": "brake", "Enter": "press what has the focus", "Esc": "close a dialog"}
+    keys |= {e.key: e.hint or e.label for e in view.gui.all() if e.key}
+    rows = (f"<tr><td><kbd>{k}</kbd><td>{html.escape(what)}" for k, what in keys.items())
+    return _dialog(view, element, f"<h2>Keys</h2><table>{''.join(rows)}</table>", False)
 
 
 def _slider(element: Element) -> Any:
@@ -222,11 +260,18 @@ def _folder(view: PageView, element: Element) -> Any:
     return widget
 
 
+def _details(view: PageView, element: Element) -> Any:
+    with ui.element("details") as widget:
+        ui.html(element.label, sanitize=False, tag="summary")
+    return widget
+
+
 def _tabs(view: PageView, element: Element) -> Any:
     with ui.element("div").classes("bench-tabs") as whole_place:
-        with ui.tabs().props("dense no-caps inline-label mobile-arrows outside-arrows") as bar:
+        with ui.tabs().props("dense no-caps inline-label") as bar:
             for child in element.children:
-                view._widgets[child] = ui.tab(child.label)
+                view._widgets[child] = tab = ui.tab(child.label)
+                _set_key(tab, child)
         with ui.tab_panels(bar, value=element.children[0].label, animated=False) as panels:
             for child in element.children:
                 with ui.tab_panel(child.label):
@@ -332,6 +377,9 @@ def _scene(view: PageView, element: Element) -> Any:
 _WIDGETS: dict[str, Callable[[PageView, Element], Any]] = {
     "button": _button,
     "brake": _button,
+    "confirm": lambda view, e: _dialog(view, e, html.escape(e.hint), True),
+    "help": _help,
+    "save": _save,
     "text": partial(_field, lambda e: ui.input(e.label, value=e.value)),
     "lines": partial(_field, lambda e: ui.textarea(e.label, value=e.value)),
     "number": partial(_field, lambda e: ui.number(e.label, value=_field_value(e), step=e.step)),
@@ -342,8 +390,12 @@ _WIDGETS: dict[str, Callable[[PageView, Element], Any]] = {
     "slider": partial(_field, _slider),
     "html": lambda view, e: ui.html(e.content, sanitize=False),
     "folder": _folder,
+    "details": _details,
+    "stack": lambda view, e: ui.element("div"),
+    "card": lambda view, e: ui.element("div").classes("bench-card"),
     "tools": lambda view, e: ui.element("div").classes("bench-tools"),
     "grid": lambda view, e: ui.element("div").classes("bench-grid"),
+    "row": lambda view, e: ui.element("div").classes("bench-row"),
     "tabs": _tabs,
     "table": _table,
     "chart": _chart,

@@ -1,9 +1,10 @@
 """Forms made from sections of settings: a field for each key, with its error next to it."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from math import inf
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple, TypeVar, get_args
 
 from pydantic import FiniteFloat
 
@@ -18,6 +19,7 @@ from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 LATEST = 1e9  # of a simulated time [s]
 _MAX_LENGTH = 4000  # characters of a field
+_T = TypeVar("_T")
 
 
 class FormKey(NamedTuple):
@@ -180,40 +182,84 @@ class Form:
                 if sliders and scaled(key.text, 0.0) is not None:
                     self._sliders.append(_slider(context, element, key.text))
                 self._errors[key.name] = gui.html(visible=False)
+                element.changed.append(partial(self._clear_message, key.name))
 
-    def changed(self) -> dict[str, Any] | None:
-        """Return the values of the fields that differ from the start, or None if one is wrong."""
-        return self._read({key.name: key.text for key in self._keys})
-
-    def values(self, as_written: bool = False) -> dict[str, Any] | None:
-        """Return the values of the fields that are not empty; None: a field is wrong.
+    def checked(
+        self,
+        check: Callable[[dict[str, Any]], _T],
+        instead: Mapping[str, Any] = {},
+        changed: bool = False,
+        as_written: bool = False,
+    ) -> _T | None:
+        """Return the result of a check of the fields; None: each field that is wrong is marked.
 
         Args:
+            check: takes the values of the fields that are not empty; raises BadInput.
+            instead: values with which the check continues after a field that it refuses; it
+                continues without another one.
+            changed: check only the values of the fields that differ from the start.
             as_written: leave quantities to the bench, which has the kinds of its joints.
+
+        Raises:
+            BadInput: no field is wrong; the refusal names none.
         """
-        return self._read({}, as_written)
+        known = {key.name: key.text for key in self._keys} if changed else {}
+        values, errors = self._read(known, as_written)
+        for name in self._errors:
+            self._show_message(name, errors.get(name, ""))
+        marked = {*errors}
+        while True:
+            given = {**values, **{name: v for name, v in instead.items() if name in marked}}
+            try:
+                result = check(given)
+                return None if marked else result
+            except BadInput as error:
+                name = self._field_of(error.refusal)
+                if not (name or marked):
+                    raise
+                if not name or name in marked:
+                    return None
+                self._show_message(name, str(error.refusal))
+                marked.add(name)
+                values.pop(name, None)
+
+    def values(self) -> dict[str, Any] | None:
+        """Return the values of the fields that are not empty; None: a field is wrong."""
+        return self.checked(lambda values: values)
 
     def refuse(self, why: Refusal) -> bool:
         """Show a refusal next to the field that it names; return whether there is one."""
-        for name in sorted(self._errors, key=len, reverse=True):
-            if why.key == name or why.key.startswith(f"{name}."):
-                self._show_message(name, str(why))
-                return True
-        return False
+        name = self._field_of(why)
+        if name:
+            self._show_message(name, str(why))
+        return bool(name)
+
+    def _field_of(self, why: Refusal) -> str:
+        names = sorted(self._errors, key=len, reverse=True)
+        found = (name for name in names if why.key == name or why.key.startswith(f"{name}."))
+        return next(found, "")
 
     def set(self, name: str, text: str) -> None:
         """Write into a field."""
         self._elements[name].value = text
+        self._show_message(name, "")
 
     def remove(self) -> None:
         """Take the fields off the page."""
         for element in (*self._elements.values(), *self._errors.values(), *self._sliders):
             element.remove()
 
-    def _read(self, known: Mapping[str, str], as_written: bool = False) -> dict[str, Any] | None:
-        for name in self._errors:
-            self._show_message(name, "")
-        found, wrong = {}, False
+    def changes(self) -> dict[str, Any] | None:
+        """Return the values of the fields that differ from the start; None: a field is wrong."""
+        found, errors = self._read({key.name: key.text for key in self._keys}, False)
+        return None if errors else found
+
+    def _read(
+        self, known: Mapping[str, str], as_written: bool
+    ) -> tuple[dict[str, Any], dict[str, str]]:
+        """Return the values that differ from these texts, and errors by field."""
+        found: dict[str, Any] = {}
+        errors = {}
         for key in self._keys:
             text = str(self._elements[key.name].value)
             if text == known.get(key.name, ""):
@@ -223,16 +269,19 @@ class Form:
                 if as_written and not key.options:
                     found[key.name] = load_yaml(text, key.name)
             except BadInput as error:
-                wrong = True
-                self._show_message(key.name, str(error))
-        return None if wrong else found
+                errors[key.name] = str(error)
+                found.pop(key.name, None)
+        return found, errors
+
+    def _clear_message(self, name: str, _: object) -> None:
+        self._show_message(name, "")
 
     def _show_message(self, name: str, words: str) -> None:
         error = self._errors[name]
         if error.visible != bool(words):
             error.visible = bool(words)
         if words:
-            error.content = line(words, "alert", "#b00020")
+            error.content = line(words, "alert")
 
 
 def scaled(text: str, power: float) -> str | None:

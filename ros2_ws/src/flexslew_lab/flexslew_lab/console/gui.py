@@ -4,7 +4,7 @@ Panels make and change them; `drawing` shows them in each browser.
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
@@ -31,15 +31,17 @@ class Element:
         enabled: it can be worked.
         low, high, step: of a slider or a number.
         content: HTML.
-        data: of a chart, a table or a scene; never changed, only replaced.
+        data: of a chart, a table or a scene; never changed, only replaced. Of a button that saves
+            a chart, the place of the chart.
         color: of a button.
+        key: that works it.
         children: what stands in it.
         parent: that it stands in.
     """
 
     value: Any = None
     options: tuple[str, ...] = ()
-    hint, content, color = "", "", ""
+    hint, content, color, key = "", "", "", ""
     visible, enabled = True, True
     low, high, step = 0.0, 1.0, 1.0
     data: Any = None
@@ -82,15 +84,17 @@ class Gui:
 
     Attributes:
         header: what stands above all else, always in sight.
-        left: the panels.
+        left: the controllers.
         middle: charts and testbed.
+        right: tabs with all else.
         news: elements that have changed and are not drawn yet.
         places: that elements are being added to, the innermost last.
     """
 
     def __init__(self) -> None:
         self.updates: deque[Element] = deque()
-        self.header, self.left, self.middle = (Element(self, "column") for _ in range(3))
+        places = [Element(self, "column") for _ in range(4)]
+        self.header, self.left, self.middle, self.right = places
         self.places: list[Element] = [self.left]
 
     def add(self, kind: str, label: str = "", **more: Any) -> Element:
@@ -100,11 +104,11 @@ class Gui:
         place.children = (*place.children, found)
         return found
 
-    def tabs(self, names: Sequence[str]) -> tuple["Element", ...]:
-        """Add tabs, and return the place of each."""
+    def tabs(self, names: Mapping[str, str]) -> tuple["Element", ...]:
+        """Add tabs with these names and keys, and return the place of each."""
         with self.add("tabs") as bar:
-            for name in names:
-                self.add("tab", name)
+            for name, key in names.items():
+                self.add("tab", name, key=key)
         return bar.children
 
     def text(self, label: str, value: str = "", hint: str = "", lines: bool = False) -> Element:
@@ -128,9 +132,11 @@ class Gui:
         self.html(label)
         return self.add("slider", label, low=low, high=high, step=step, value=value)
 
-    def button(self, label: str, hint: str = "", color: str = "", visible: bool = True) -> Element:
+    def button(
+        self, label: str, hint: str = "", color: str = "", key: str = "", visible: bool = True
+    ) -> Element:
         """Add a button."""
-        return self.add("button", label, hint=hint, color=color, visible=visible)
+        return self.add("button", label, hint=hint, color=color, key=key, visible=visible)
 
     def html(self, content: str = "", visible: bool = True) -> Element:
         """Add text as HTML."""
@@ -142,7 +148,9 @@ class Gui:
 
     def all(self) -> list[Element]:
         """Return every element."""
-        return [e for place in (self.header, self.left, self.middle) for e in place.all()]
+        return [
+            e for place in (self.header, self.left, self.middle, self.right) for e in place.all()
+        ]
 
 
 def accepted(element: Element, value: Any) -> Any:

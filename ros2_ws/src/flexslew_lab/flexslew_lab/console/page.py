@@ -9,6 +9,7 @@ from flexslew_lab.console.gui import Element
 from flexslew_lab.console.layouts import layout_file
 from flexslew_lab.console.link import BenchLink
 from flexslew_lab.console.panels.analyse import AnalysePanel
+from flexslew_lab.console.panels.cards import CardsPanel
 from flexslew_lab.console.panels.charts import ChartsPanel
 from flexslew_lab.console.panels.compare import ComparePanel
 from flexslew_lab.console.panels.end import EndPanel
@@ -17,11 +18,9 @@ from flexslew_lab.console.panels.faults import ActivePanel, DisturbancePanel, Fa
 from flexslew_lab.console.panels.log import EventsPanel, NotePanel
 from flexslew_lab.console.panels.plan import PlanPanel
 from flexslew_lab.console.panels.replay import RecordingPanel, ReplayPanel
-from flexslew_lab.console.panels.run import FINISHED, HeaderPanel, RunPanel
+from flexslew_lab.console.panels.run import FINISHED, HeaderPanel
 from flexslew_lab.console.panels.scene import ScenePanel
 from flexslew_lab.console.panels.sky import SkyPanel
-from flexslew_lab.console.panels.state import StatePanel
-from flexslew_lab.console.panels.swap import SwapPanel
 from flexslew_lab.console.panels.tune import TunePanel
 from flexslew_lab.console.server import ConsoleServer
 
@@ -29,6 +28,9 @@ POLL_PERIOD = 0.025  # between two polls at bench and pages [wall s]
 FRAME = 1 / 10  # between two frames at least [wall s]
 SHARE = 0.04  # of a core that the page takes of a bench that goes as fast as it can, about
 _MAX_FRAME_INTERVAL = 1.0  # between two frames then at most [wall s]
+_KEYS = {  # of the tabs
+    "Plan": "m", "Faults": "f", "Experiment": "e", "Analysis": "a", "Log": "l", "End": "d",
+}  # fmt: skip
 Make = Callable[[PanelContext], PagePanel]
 
 
@@ -97,33 +99,40 @@ class Page:
         self.server.close()
 
     def _built(self, recording: RecordingPanel | None, layouts: Path) -> list[PagePanel]:
-        context, gui = self._context, self._context.gui
-        panels: list[PagePanel] = [HeaderPanel(context, recording is None), StatePanel(context)]
+        context, gui, live = self._context, self._context.gui, recording is None
+        panels: list[PagePanel] = [context, HeaderPanel(context, live)]
         if recording is not None:
-            panels.append(ReplayPanel(context, recording))
-        live: dict[str, tuple[Make, ...]] = {
-            "Run": (RunPanel,),
-            "Swap": (SwapPanel,),
-            "Tune": (TunePanel,),
-            "Experiment": (ExperimentPanel,),
+            panels += [ReplayPanel(context, recording), CardsPanel(context, None)]
+        else:
+            cards = gui.add("stack")  # above the gains
+            panels.append(tune := TunePanel(context))
+            with cards:
+                panels.append(CardsPanel(context, tune.open))
+        work: dict[str, tuple[Make, ...]] = {
             "Plan": (PlanPanel,),
-            "Break": (ActivePanel, DisturbancePanel, FaultPanel),
+            "Faults": (ActivePanel, DisturbancePanel, FaultPanel),
+            "Experiment": (ExperimentPanel,),
         }
-        work = {} if recording else live
-        names = (*work, "Analyse", "Log", "View", "End")
-        places = dict(zip(names, gui.tabs(names), strict=True))
-        for name, panel_types in work.items():
+        names = (*(work if live else ()), "Analysis", "Log", "End")
+        with gui.right:
+            places = dict(zip(names, gui.tabs({n: _KEYS[n] for n in names}), strict=True))
+        for name, panel_types in (work if live else {}).items():
             with places[name]:
                 panels += [make(context) for make in panel_types]
-        self._working = tuple(places[name] for name in work if name != "Experiment")
-        with places["Analyse"]:
+        self._working = tuple(places[name] for name in ("Plan", "Faults") if live)
+        with places["Analysis"]:
             panels.append(AnalysePanel(context, self.server.gate.files))
-        with places["View"]:
+        with gui.middle:
+            look = gui.add("details", "Drawing and layouts")
+        with look:
+            panels.append(ScenePanel(context))
             charts = ChartsPanel(context, layouts)
-            panels += [charts, ScenePanel(context), SkyPanel(context)]
+            panels += [charts, SkyPanel(context)]
+        look.remove()
+        gui.middle.children = (*gui.middle.children, look)  # below what it is about
         with places["Log"]:
-            panels += [] if recording else [NotePanel(context)]
             panels.append(EventsPanel(context, charts.jump))
+            panels += [NotePanel(context)] if live else []
         with places["End"]:
             panels.append(EndPanel(context, self.server.gate.files))
             panels.append(ComparePanel(context, charts))

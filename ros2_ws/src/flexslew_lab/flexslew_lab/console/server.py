@@ -114,7 +114,7 @@ def _nicegui() -> tuple[asyncio.AbstractEventLoop, Any]:
     for name in ("uvicorn.error", "engineio.server", "socketio.server"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
-    ui.page("/", title="flexslew", language="en-US", reconnect_timeout=RECONNECT)(_page)
+    ui.page("/", title="flexslew", language="en-US", reconnect_timeout=RECONNECT, dark=None)(_page)
     ui.run_with(
         app, title="flexslew", reconnect_timeout=RECONNECT, show_welcome_message=False,
         message_history_length=_HISTORY, binding_refresh_interval=None, tailwind=False,

@@ -18,7 +18,18 @@ from flexslew_lab.log.messages.logged_event import logged_event
 from flexslew_lab.log.messages.record_schema import RECORDS, check_record
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.events import Event, RunFinished
+from flexslew_plant.events import (
+    BrakeLatched,
+    BrakeReleased,
+    BrakeRequested,
+    Event,
+    RunFinished,
+    SwitchCompleted,
+    SwitchDropped,
+    SwitchRejected,
+    SwitchRequested,
+    WasReset,
+)
 from flexslew_plant.graph import topics
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.testbeds import Testbed, initial_state
@@ -101,6 +112,13 @@ class BenchView:
         self.position: Vector = np.zeros(0)  # the coordinates now; empty before the first tick
         self.time = 0.0  # simulated [s]
         self.answering = ""  # controller of the last answer
+        self.brake_request: BrakeRequested | None = None  # that acts from a later tick on
+        self.switch_request: SwitchRequested | None = None
+
+    @property
+    def brake_on_next(self) -> bool:
+        """Whether the brake is latched at the next tick, which a paused bench has not reached."""
+        return self.brake_request.on if self.brake_request else self.now.brake_latched
 
     def take(self, name: str, kind: str, data: Sequence[bytes]) -> None:
         """Take messages of one topic in their order.
@@ -141,6 +159,7 @@ class BenchView:
         self.events.clear()
         self.received += 1
         self.plan, self.position, self.time = None, np.zeros(0), 0.0
+        self.brake_request = self.switch_request = None
 
     def _take_rows(self, name: str, kind: str, data: Sequence[bytes]) -> None:
         raw = [RawMessage(0, 0, 0, one) for one in data]
@@ -202,7 +221,15 @@ class BenchView:
         event = logged_event(m, "the bench")
         self.events.append(event)
         self.received += 1
-        if isinstance(
-            event.what, RunFinished
-        ):  # the plant may leave before it shows its state again
+        what, brake = event.what, self.brake_request
+        if isinstance(what, BrakeRequested):
+            self.brake_request = what
+        elif isinstance(what, BrakeLatched | BrakeReleased):
+            done = brake is None or brake.on == isinstance(what, BrakeLatched)
+            self.brake_request = None if done else brake
+        elif isinstance(what, SwitchRequested):
+            self.switch_request = what
+        elif isinstance(what, SwitchCompleted | SwitchDropped | SwitchRejected | WasReset):
+            self.switch_request = None
+        elif isinstance(what, RunFinished):  # the plant may leave before it shows its state again
             self.now = self.now._replace(state="finished", tick=event.tick)

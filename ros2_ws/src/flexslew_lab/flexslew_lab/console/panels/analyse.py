@@ -13,7 +13,7 @@ from flexslew_lab.console.desk import PanelContext, ReplyLine, line
 from flexslew_lab.console.forms import FormKey, OpenedOn, moment, value_of
 from flexslew_lab.console.gate import FILES
 from flexslew_lab.console.link import RequestResult
-from flexslew_lab.console.panels.swap import NO_CONTROLLER
+from flexslew_lab.console.panels.cards import NO_CONTROLLER
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import one_line

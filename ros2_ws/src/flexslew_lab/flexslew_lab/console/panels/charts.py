@@ -22,6 +22,7 @@ from flexslew_plant.events import (
 _WINDOWS = {"10 s": 10.0, "30 s": 30.0, "100 s": 100.0, "300 s": 300.0, "whole run": 0.0}
 _QUIET = (AnswerMissing, ScheduleShifted, ControllerReady, ControllerNotReady)  # too many for lines
 _NONE = "nothing"
+_SAVE = "the curves in the window, as a table or a picture"
 
 
 class ChartsPanel:
@@ -120,8 +121,11 @@ class _Chart:
 
     def __init__(self, context: PanelContext, quantity: str) -> None:
         self._view = context.view
-        with context.gui.folder():
-            self.what = context.gui.choice("Chart", (*quantities.NAMES, _NONE), value=quantity)
+        with context.gui.folder() as place:
+            with context.gui.add("row"):
+                self.what = context.gui.choice("Chart", (*quantities.NAMES, _NONE), value=quantity)
+                kinds = ("CSV", "PNG", "SVG")
+                context.gui.add("save", "Save", hint=_SAVE, options=kinds, data=place)
             self._labels: tuple[object, ...] = ()
             self._last_state: tuple[object, ...] = ()
             empty_data = ChartData(options([]), chart_update(np.zeros(0), [], np.zeros(0)))

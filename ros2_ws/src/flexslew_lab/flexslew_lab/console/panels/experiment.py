@@ -106,14 +106,12 @@ class ExperimentPanel:
         self._modes.content = ""
 
     def _plan(self, who: str) -> None:
-        given = self._form.values()
-        if given is None:
-            return
         try:
-            values = self._request(given)
+            values = self._form.checked(self._request, {"start": self._view.time + 1.0})
         except BadInput as error:
-            if not self._form.refuse(error.refusal):
-                self._reply.tell(RequestResult(False, str(error)))
+            self._reply.tell(RequestResult(False, str(error)))
+            return
+        if values is None:
             return
         self._reply.tell(RequestResult(True, "planning ..."))
         self._link.draft(yaml_text(values, flow=True), who, lambda news: None, self._on_plan)

@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
-from flexslew_lab.console.desk import PanelContext, ReplyLine
-from flexslew_lab.console.forms import Form, FormKey, keys_of, moment, number_of, set_options
+from flexslew_lab.console.desk import PanelContext, ReplyLine, line
+from flexslew_lab.console.forms import Form, FormKey, keys_of, moment, number_of
 from flexslew_lab.console.link import RequestResult
 from flexslew_plant.bench.schedule import requested_entry
 from flexslew_plant.errors import BadInput
@@ -15,7 +16,7 @@ from flexslew_plant.hardware.disturbances import PulseShape, SineShape
 from flexslew_plant.keys.units import in_si
 from flexslew_plant.yaml_data import yaml_text
 
-_CONSTANT, _EMPTY_CHOICE = "constant", "(nothing)"
+_CONSTANT = "constant"
 _EFFORT = "constant effort"
 _SHAPES: dict[str, type[Any]] = {"sine": SineShape, "pulse": PulseShape}
 _WHEN = [
@@ -52,24 +53,28 @@ class _RequestForm:
 
     def send(self, who: str, made: Made) -> None:
         """Check the entry as the bench will; send it, or show its error next to the field."""
-        given = self._form.values(as_written=True) if self._form else None
-        if given is None:
-            return
-        try:
+
+        def entry(given: dict[str, Any]) -> dict[str, Any]:
             at = moment("from", given.pop("from", 0.0))
             if 0.0 < at <= self._view.time:
                 words = f"{at:g} is past: the bench is at {self._view.time:.2f} s"
                 raise BadInput(words, key="from")
             until = {"until": given.pop("until")} if "until" in given else {}
-            text = yaml_text({**made(given), **until}, flow=True)
-            requested_entry(text, at)
+            try:
+                text = yaml_text({**made(given), **until}, flow=True)
+                requested_entry(text, at)
+            except BadInput as error:
+                why = error.refusal  # its key is that of the field
+                raise BadInput(replace(why, source="", key=why.key.rpartition(".")[2])) from None
+            return {"fault": text, "at": at, "who": who}
+
+        try:
+            values = self._form.checked(entry, as_written=True) if self._form else None
         except BadInput as error:
-            why = error.refusal
-            bare = replace(why, source="", key=why.key.rpartition(".")[2])  # that of the field
-            if self._form is None or not self._form.refuse(bare):
-                self._reply.tell(RequestResult(False, str(why)))
+            self._reply.tell(RequestResult(False, str(error)))
             return
-        self._reply.ask(topics.INJECT_FAULT, {"fault": text, "at": at, "who": who})
+        if values is not None:
+            self._reply.ask(topics.INJECT_FAULT, values)
 
 
 class DisturbancePanel:
@@ -142,27 +147,32 @@ class FaultPanel:
 
 
 class ActivePanel:
-    """What disturbs or breaks now, or will; any of it can be ended.
+    """What disturbs or breaks now, or will; a button ends each.
 
     Args:
         context: of the page.
     """
 
     def __init__(self, context: PanelContext) -> None:
-        gui = context.gui
-        self._view = context.view
-        self._which = gui.choice("Active", (_EMPTY_CHOICE,))
-        context.click(gui.button("End it"), self._end)
+        self._context, self._view = context, context.view
+        self._place = context.gui.folder("Active")
         self._reply = ReplyLine(context)
+        self._listed: tuple[tuple[int, str], ...] | None = None
 
     def refresh(self) -> None:
         """List it."""
-        options = tuple(f"{number}: {words}" for number, words in self._view.now.faults)
-        set_options(self._which, options, _EMPTY_CHOICE)
-
-    def _end(self, who: str) -> None:
-        number, sign, _ = str(self._which.value).partition(":")
-        if not sign or not number.isdigit() or int(number) >= 2**32:
-            self._reply.tell(RequestResult(False, "Active: there is nothing to end"))
+        faults, gui = self._view.now.faults, self._context.gui
+        if faults == self._listed:
             return
-        self._reply.ask(topics.END_FAULT, {"number": int(number), "who": who})
+        self._listed, self._place.children = faults, ()
+        with self._place:
+            for number, words in faults:
+                with gui.add("row"):
+                    end = gui.button(f"End {number}", hint=words, color="blue-grey-8")
+                    gui.html(line(f"{number}: {words}"))
+                self._context.click(end, partial(self._end, number))
+            if not faults:
+                gui.html(line("no disturbance and no fault"))
+
+    def _end(self, number: int, who: str) -> None:
+        self._reply.ask(topics.END_FAULT, {"number": number, "who": who})

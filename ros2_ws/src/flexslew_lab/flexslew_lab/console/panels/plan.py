@@ -1,24 +1,30 @@
 """Plan a manoeuvre, see the iterations and the curve; then let it be flown, or drop it."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
+from math import ceil
 from typing import Any
 
 import numpy as np
 
+from flexslew_control.known_motion import ATTITUDE_ERROR, PREDICTED
 from flexslew_control.planners import OPTIMIZED, PLANNERS, plan_settings
 from flexslew_lab.console.charting import TIME, ChartData, chart_update, options
 from flexslew_lab.console.desk import PanelContext, ReplyLine, line
-from flexslew_lab.console.forms import Form, FormKey, moment, number_of
+from flexslew_lab.console.forms import Form, FormKey, moment, number_of, text_of
 from flexslew_lab.console.history import Curve
 from flexslew_lab.console.link import Iterate, RequestResult
+from flexslew_lab.short_values import short
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 from flexslew_plant.own_code import is_user_code
-from flexslew_plant.yaml_data import yaml_text
+from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 _GOAL = "goal of "
 _MAX_ITERATIONS = 8  # iterations
+_SOON = 5.0  # from now to the start that a button writes [s]
+# keys that have fields of their own, or are completed from the bench
+_FIELDS = ("method", "goal", "start", "duration", "model", "initial", "feedback")
 _MODEL_HINT = "that was accepted under Experiment, instead of the bench's own testbed section"
 
 
@@ -39,8 +45,13 @@ class PlanPanel:
         self._use_model.visible = False
         self._form: Form | None = None
         self._joints: Any = None
-        context.click(gui.button("Plan"), self._plan)
-        context.click(gui.button("Cancel planning"), lambda who: context.link.cancel())
+        hint = f"write a start {_SOON:g} s from now"
+        soon = gui.button(f"In {_SOON:g} s", hint=hint, color="blue-grey-8")
+        context.click(soon, self._start_soon)
+        with gui.add("row"):
+            context.click(gui.button("Plan"), self._plan)
+            cancel = gui.button("Cancel planning", color="blue-grey-8")
+            context.click(cancel, lambda who: context.link.cancel())
         self._accept_button = gui.button("Adopt the draft", hint="fly it from its start on")
         self._reject_button = gui.button("Refuse the draft", color="blue-grey-8")
         for button, word in ((self._accept_button, "adopt"), (self._reject_button, "refuse")):
@@ -49,7 +60,9 @@ class PlanPanel:
         self._progress = gui.html()
         self._curve_folder = gui.folder("Planned course", visible=False)  # below what is clicked
         with self._curve_folder:
+            self._figures = gui.html()
             self._curve = gui.add("chart", "planned course", data=_chart([], TIME))
+            self._effort = gui.add("chart", "planned effort", data=_chart([], TIME))
         self._iterations: list[str] = []
         self._draft: Any = None  # that waits for a decision
         self._last_plan = ("", "")  # hash of the plan, and what it is
@@ -80,23 +93,45 @@ class PlanPanel:
         state = (visible_plan.hash, kind) if visible_plan is not None else ("", "")
         if state != self._last_plan:
             if plan is not None and not self._last_plan[0] and plan.method in self._method.options:
-                self._method.value = plan.method  # as the bench flies already
+                self._fill(plan)  # as the bench flies already
             self._last_plan = state
             self._draw(visible_plan, kind)
+
+    def _fill(self, plan: Any) -> None:
+        """Write the request of a plan into the fields."""
+        self._method.value = plan.method
+        try:
+            request = load_yaml(plan.request, "plan")
+        except BadInput:  # of a planner that is not ours
+            return
+        if self._form is None or not isinstance(request, dict):
+            return
+        goal = request.get("goal")
+        for name, value in goal.items() if isinstance(goal, dict) else ():
+            if self._joints is not None and name in self._joints.names:
+                self._form.set(f"{_GOAL}{name}", text_of(value))
+        self._form.set("duration", text_of(request.get("duration")))
+        known = {f.name: f.default for f in fields(PLANNERS[plan.method].settings)}
+        more = {k: v for k, v in request.items() if k not in _FIELDS and known.get(k, v) != v}
+        self._form.set("more", text_of(more or None))
+
+    def _start_soon(self, who: str) -> None:
+        if self._form is not None:
+            self._form.set("start", f"{ceil(self._view.time + _SOON):g}")
 
     def _plan(self, who: str) -> None:
         if self._form is None:
             self._reply.tell(RequestResult(False, "no testbed has announced itself yet"))
             return
-        given = self._form.values()
-        if given is None:
-            return
+        instead = {"start": self._view.time + 1.0}
+        if self._joints is not None:
+            instead |= {f"{_GOAL}{name}": 0.0 for name in self._joints.names}
         try:
-            values = self._request(given)
+            values = self._form.checked(self._request, instead)
         except BadInput as error:
-            why = error.refusal
-            if not self._form.refuse(replace(why, key=why.key.replace("goal.", _GOAL, 1))):
-                self._reply.tell(RequestResult(False, str(error)))
+            self._reply.tell(RequestResult(False, str(error)))
+            return
+        if values is None:
             return
         self._iterations = []
         self._progress.content = ""
@@ -145,7 +180,12 @@ class PlanPanel:
         if self._context.identified is not None and self._use_model.value:
             values.setdefault("model", self._context.identified)
         if not is_user_code(str(values["method"])):  # no page runs a planner of the user's own
-            plan_settings(values, "")
+            try:
+                plan_settings(values, "")
+            except BadInput as error:
+                why = error.refusal
+                key = why.key.replace("goal.", _GOAL, 1)
+                raise BadInput(replace(why, key=key)) from None
         return values
 
     def _iterate(self, iteration: Iterate) -> None:
@@ -161,18 +201,47 @@ class PlanPanel:
         self._curve_folder.visible = plan is not None
         if plan is None:
             return
-        joints = len(plan.joint_names)
-        rows = np.asarray(plan.position, dtype=float).reshape(-1, max(joints, 1))
-        every = max(1, len(rows) // 500)
-        time = plan.start + plan.period * np.arange(len(rows))
         known = self._view.joints
-        units = dict(zip(known.names, known.units, strict=True)) if known is not None else {}
-        curves = [
-            Curve(f"planned {name} [{units.get(name, '-')}]", time[::every], rows[::every, k])
-            for k, name in enumerate(plan.joint_names)
-        ]
+        names = known.names if known is not None else ()
+        units = dict(zip(names, known.units, strict=True)) if known is not None else {}
+        efforts = dict(zip(names, known.effort_units, strict=True)) if known is not None else {}
         title = f"{TIME}; {kind}: {plan.method}, from {plan.start:g} s on"
-        self._curve.data = _chart(curves, title)
+        self._curve.data = _chart(_curves(plan, plan.position, "planned", units), title)
+        effort = _curves(plan, plan.effort, "effort of", efforts)
+        self._effort.visible = any(curve.value.any() for curve in effort)
+        self._effort.data = _chart(effort, TIME)
+        self._figures.content = "".join(map(line, _figures(plan, units, efforts)))
+
+
+def _curves(plan: Any, values: Any, words: str, units: dict[str, str]) -> list[Curve]:
+    """Return a curve for each joint of a plan, of about 500 points."""
+    rows = np.asarray(values, dtype=float).reshape(-1, max(len(plan.joint_names), 1))
+    every = max(1, len(rows) // 500)
+    time = (plan.start + plan.period * np.arange(len(rows)))[::every]
+    return [
+        Curve(f"{words} {name} [{units.get(name, '-')}]", time, rows[::every, k])
+        for k, name in enumerate(plan.joint_names)
+    ]
+
+
+def _figures(plan: Any, units: dict[str, str], efforts: dict[str, str]) -> list[str]:
+    """Return lines with the largest efforts and the predicted residual of a plan."""
+    try:
+        summary = load_yaml(plan.summary, "plan") or {}
+    except BadInput:
+        return []
+    rows = []
+    peaks = np.abs(np.asarray(plan.effort, dtype=float).reshape(-1, max(len(plan.joint_names), 1)))
+    if peaks.any():
+        peak = zip(plan.joint_names, peaks.max(axis=0), strict=True)
+        words = ", ".join(f"{name} {short(v)} {efforts.get(name, '')}" for name, v in peak)
+        rows.append(f"largest effort: {words}")
+    if isinstance(tip := summary.get(PREDICTED), float):
+        rows.append(f"predicted residual: tip deflection {short(tip)} m")
+    errors = summary.get(ATTITUDE_ERROR)
+    for name, value in errors.items() if isinstance(errors, dict) else ():
+        rows.append(f"predicted residual: {name} {short(value)} {units.get(name, '')}")
+    return rows
 
 
 def _chart(curves: list[Curve], title: str) -> ChartData:

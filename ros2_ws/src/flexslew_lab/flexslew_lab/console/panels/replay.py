@@ -43,18 +43,22 @@ class ReplayPanel:
         self._time = gui.slider("Time [s]", recording.first, end, 0.01, recording.first)
         self._goal = gui.number("Go to [s]", recording.first)
         self._rate = gui.choice("Rate", tuple(_RATES), value="1")
-        context.click(gui.button("Play"), self._play)
-        context.click(gui.button("Pause"), lambda who: recording.play(0.0))
+        self._toggle = gui.button("Play", key="p", hint="play, or pause")
+        context.click(self._toggle, self._play_or_pause)
         self._reply = ReplyLine(context)
         context.change(self._time, lambda who: self._seek(self._time.value))
         context.change(self._goal, lambda who: self._seek(self._goal.value))
 
     def refresh(self) -> None:
         """Let the slider follow."""
+        self._toggle.label = "Pause" if self._recording.playing else "Play"
         if self._recording.playing and abs(self._time.value - self._recording.time) >= 0.1:
             self._time.value = self._recording.time
 
-    def _play(self, who: str) -> None:
+    def _play_or_pause(self, who: str) -> None:
+        if self._recording.playing:
+            self._recording.play(0.0)
+            return
         try:
             self._recording.play(one_of("Rate", self._rate.value, _RATES))
         except BadInput as error:

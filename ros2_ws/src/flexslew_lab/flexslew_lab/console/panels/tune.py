@@ -1,11 +1,15 @@
 """Change the gains of a controller while it works."""
 
+from contextlib import suppress
+from typing import Any
+
 from flexslew_control.controllers import CONTROLLERS, with_file
 from flexslew_lab.console.current_trial import settings_of
-from flexslew_lab.console.desk import PanelContext, ReplyLine
+from flexslew_lab.console.desk import PanelContext, ReplyLine, line
 from flexslew_lab.console.forms import Form, FormKey, OpenedOn, moment, not_negative, text_of
 from flexslew_lab.console.link import RequestResult
-from flexslew_lab.console.panels.swap import NO_CONTROLLER
+from flexslew_lab.console.panels.cards import NO_CONTROLLER
+from flexslew_lab.console.view import ControllerView
 from flexslew_lab.trial.overrides import override_values
 from flexslew_plant.errors import BadInput
 from flexslew_plant.keys.settings_fields import describe_fields
@@ -26,55 +30,80 @@ class TunePanel:
     def __init__(self, context: PanelContext) -> None:
         gui = context.gui
         self._context, self._view = context, context.view
-        self._which = gui.choice("Tuned controller", (NO_CONTROLLER,))
-        self._opened = OpenedOn(self._which)
-        self._place = gui.folder("Settings")
-        self._at = Form(
-            context, [FormKey(_FROM, "simulated time [s]; empty: the next tick")], self._place
-        )
-        context.click(gui.button("Tune"), self._tune)
-        self._reply = ReplyLine(context)
+        with gui.folder("Gains", visible=False) as self._whole:
+            self._which = gui.choice("Tuned controller", (NO_CONTROLLER,))
+            self._opened = OpenedOn(self._which)
+            self._place = gui.add("stack")
+            time = FormKey(_FROM, "simulated time [s]; empty: the next tick")
+            self._at = Form(context, [time], self._place)
+            self._loop = gui.html()
+            with gui.add("row"):
+                context.click(gui.button("Apply the gains"), self._tune)
+                context.click(gui.button("Close", color="blue-grey-8"), self._close)
+            self._reply = ReplyLine(context)
         self._form: Form | None = None
         self._last_form = ("", "")  # name and settings in the form
 
+    def open(self, name: str) -> None:
+        """Show the gains of a controller."""
+        self._which.value, self._whole.visible = name, True
+
+    def _close(self, who: str) -> None:
+        self._whole.visible = False
+
     def refresh(self) -> None:
         """List the controllers, opened on the active one; make the form again for another one."""
+        if self._view.now.state == "finished":
+            self._whole.visible = False
         names = tuple(sorted(self._view.controllers))
         self._opened.offer(names, NO_CONTROLLER, self._view.now.active)
         known = self._view.controllers.get(self._which.value)
         state = (known.name, known.settings) if known else ("", "")
-        if state == self._last_form:
-            return
-        self._last_form = state
-        if self._form is not None:
-            self._form.remove()
-        self._form = (
-            Form(self._context, _keys(*state, known.law), self._place, True) if known else None
-        )
+        if state != self._last_form:
+            self._last_form = state
+            if self._form is not None:
+                self._form.remove()
+            self._form = (
+                Form(self._context, _keys(*state, known.law), self._place, True) if known else None
+            )
+        self._loop.content = line(self._stability(known)) if self._whole.visible else ""
+
+    def _stability(self, known: ControllerView | None) -> str:
+        """Return the stability of the linear loop with the gains in the fields, and now."""
+        changes = self._form.changes() if self._form is not None else None
+        if known is None or changes is None or _FILE in changes:
+            return ""
+        try:
+            _check(known.law, known.settings, changes)
+        except BadInput:  # the field says so once the gains are applied
+            return ""
+        now = self._context.margins.of(known.name).words or "computing ..."
+        if not changes:
+            return f"Linear loop: {now}"
+        words = self._context.margins.of(known.name, changes).words or "computing ..."
+        return f"Linear loop with these gains: {words}. Now: {now}"
 
     def _tune(self, who: str) -> None:
         known = self._view.controllers.get(self._which.value)
-        at = self._at.values()
-        if known is None or self._form is None or at is None:
+        if known is None or self._form is None:
             return
-        changes = self._form.changed()
-        if changes is None:
-            return
-        try:
-            when = moment(_FROM, at.get(_FROM, 0.0))
+
+        def new_gains(changes: dict[str, Any]) -> str:
             if not changes:
                 raise BadInput("nothing has changed; write another value into a field")
             changes = with_file(known.law, changes, known.name)
-            nested = override_values({}, changes)
             _check(known.law, known.settings, changes)
+            return yaml_text(override_values({}, changes), flow=True)
+
+        try:
+            when = self._at.checked(lambda at: moment(_FROM, at.get(_FROM, 0.0)))
+            text = self._form.checked(new_gains, changed=True)
         except BadInput as error:
-            why = error.refusal
-            if not (self._form.refuse(why) or self._at.refuse(why)):
-                self._reply.tell(RequestResult(False, str(why)))
+            self._reply.tell(RequestResult(False, str(error)))
             return
-        text = yaml_text(nested, flow=True)
-        values = {"settings": text, "at": when, "who": who}
-        self._reply.ask(f"{known.name}/tune", values)
+        if text is not None and when is not None:
+            values = {"settings": text, "at": when, "who": who}
+            self._reply.ask(f"{known.name}/tune", values)
 
 
 def _keys(name: str, text: str, law: str) -> list[FormKey]:
@@ -82,7 +111,7 @@ def _keys(name: str, text: str, law: str) -> list[FormKey]:
     settings = settings_of(text)
     law_settings = {key: value for key, value in settings.items() if key != _HANDOVER}
     words = {_HANDOVER: "blends in from the last effort [s]; at least 0"}
-    if law in CONTROLLERS:
+    with suppress(BadInput, LookupError):  # no law of this release, or other settings than its own
         section = validated(CONTROLLERS[law].settings, law_settings, name)
         words |= {key: meaning.description for key, meaning in describe_fields(section).items()}
         unset = {key: None for key, value in law_settings.items() if value is None}
