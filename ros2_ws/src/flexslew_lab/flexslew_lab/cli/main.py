@@ -175,6 +175,7 @@ def plan(
     """
     from flexslew_control.plan_file import plan_hash, save_plan
     from flexslew_control.planners import make_plan, other_method, plan_settings
+    from flexslew_lab.report.verdict import plan_verdict
     from flexslew_lab.trial.angles import doubtful_angles
     from flexslew_lab.trial.sources import read_trial
     from flexslew_lab.trial.trial import (
@@ -237,6 +238,7 @@ def plan(
     if as_json:
         print(json_text(summary))
     else:
+        print_verdict(plan_verdict(made, requested.testbed.effort_limit))
         print_table(("", made.method), rows)
 
 
