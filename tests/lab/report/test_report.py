@@ -7,10 +7,12 @@ from base64 import b64decode
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from tests.panel_numbers import numbers
+from tests.present import present
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import decode, encode
@@ -41,6 +43,17 @@ def names_in(panels: list[Any]) -> set[str]:
 def titles_in(page: str) -> list[str]:
     found = re.findall(r'class="panel"><figcaption>(.*?)</figcaption>', page)
     return [re.sub(r"<[^>]+>", "", title).replace("\xa0", " ") for title in found]
+
+
+def test_a_report_in_its_run_has_a_thumbnail_beside_it(bag: Path, tmp_path: Path) -> None:
+    write_report([bag], tmp_path / "report.html")
+    picture = ElementTree.fromstring((tmp_path / "thumbnail.svg").read_text())
+    points = re.findall(r"(\d+) (\d+\.\d)", present(picture[1].get("d")))
+    heights = [float(y) for _, y in points]
+    assert len(points) == 120
+    assert min(heights) == 2.0  # the largest deflection
+    write_report([bag], tmp_path / "other" / "a.html")
+    assert not (tmp_path / "other" / "thumbnail.svg").exists()
 
 
 def test_the_page_needs_nothing_from_outside(page: str) -> None:

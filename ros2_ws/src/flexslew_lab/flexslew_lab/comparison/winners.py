@@ -1,6 +1,5 @@
 """The best candidate of a comparison by each criterion, by how much, and on how many benches."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -38,16 +37,16 @@ class Winner(NamedTuple):
 def winners(found: Comparison) -> list[Winner]:
     """Return the winner of each criterion by which two candidates or more can be ranked.
 
-    A candidate that lacks a number that others have, such as one that never settles, wins nothing.
+    A candidate that lacks a number that others have, such as one that never settles, wins nothing
+    where two others or more have all of them.
     """
-    ranked = _criteria(found)
-    entries = _complete(found.simulated_entries, ranked)
-    if len(entries) < 2:
-        return []
+    ranked, entries = _criteria(found), _ranked(found)
     won = []
     for criterion in ranked:
         values = np.array([[_value(criterion, f) for f in entry.flights] for entry in entries])
         nominal = np.array([_value(criterion, entry.nominal) for entry in entries])
+        if np.isfinite(nominal).sum() < 2:
+            continue
         first, second = np.argsort(nominal, kind="stable")[:2]
         first_on = int((values[first] <= values.min(axis=0)).sum())
         names = entries[first].name, entries[second].name
@@ -63,14 +62,16 @@ def verdict(found: Comparison) -> str:
     won = winners(found)
     if not won:
         return f"{len(found.simulated_entries)} of {len(found.entries)} flew: nobody to compare"
-    unfinished = len(found.simulated_entries) - len(
-        _complete(found.simulated_entries, _criteria(found))
-    )
+    unfinished = len(found.simulated_entries) - len(_ranked(found))
     parts = [
         f"{w.criterion.title}: {w.name}" + ("" if w.is_clear else f" or {w.second}, within 5 %")
         for w in won
     ]
-    more = f"; without {unfinished} that never settled" if unfinished else ""
+    more = (
+        f"; without {unfinished} that lack a number, as one that never settles"
+        if unfinished
+        else ""
+    )
     return f"least by {'; '.join(parts)}{more}"
 
 
@@ -99,8 +100,13 @@ def _criteria(found: Comparison) -> list[ComparisonMetric]:
     return [c for c in found.criteria if any(np.isfinite(_value(c, f)) for f in flights)]
 
 
-def _complete(entries: Entries, criteria: Sequence[ComparisonMetric]) -> Entries:
-    return tuple(e for e in entries if all(np.isfinite(_value(c, e.nominal)) for c in criteria))
+def _ranked(found: Comparison) -> Entries:
+    """Return the candidates with a number for every criterion; all where fewer than two have."""
+    criteria, entries = _criteria(found), found.simulated_entries
+    complete = [
+        entry for entry in entries if all(np.isfinite(_value(c, entry.nominal)) for c in criteria)
+    ]
+    return tuple(complete) if len(complete) > 1 else entries
 
 
 def _value(criterion: ComparisonMetric, flight: CandidateFlight) -> float:

@@ -22,6 +22,7 @@ from flexslew_lab.report.scene_data import scene_of
 from flexslew_lab.report.sections import Table, page_of_sections
 from flexslew_lab.report.sky_map import testbed_sky_map
 from flexslew_lab.report.story import Line, story_of
+from flexslew_lab.report.thumbnail import THUMBNAIL, thumbnail
 from flexslew_lab.report.verdict import joints_to_move, plan_verdict, planned_on, run_summary
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.outputs import WITHOUT
@@ -30,6 +31,7 @@ from flexslew_plant.counted import count_text
 from flexslew_plant.events import IN_CHARGE, FastMode, LargeDeflection, SwitchCompleted, step_words
 from flexslew_plant.yaml_data import load_yaml
 
+REPORT = "report.html"  # of a run, in its folder, with its thumbnail beside it
 EVENTS = 300  # of a run that the table shows
 KEY_METRICS = (
     "residual_tip_deflection",
@@ -93,6 +95,8 @@ def write_report(
     if other is not None:
         runs[0] = runs[0]._replace(label="with feedforward") if len(runs) == 1 else runs[0]
         other = other._replace(label="without feedforward")
+    if len(runs) == 1 and out.name == REPORT:
+        write_page(thumbnail(runs[0]), out.with_name(THUMBNAIL))
     return write_page(page_of(runs, other), out)
 
 
