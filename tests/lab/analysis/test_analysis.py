@@ -91,6 +91,11 @@ def test_the_page_and_the_json_hold_everything(tmp_path: Any) -> None:
                  "plan.robust=null", "--out", str(out)]  # fmt: skip
     found = loop_analysis(trial("time_optimal_hub", {"plan": None}), "hub")
     page = analysis_page(found, "hub")
+    assert page.index("Stable; the smallest margin is ") < page.index("<h2>")
+    smallest = min(c.phase for c in found.efforts)
+    assert f"{np.degrees(smallest):.3g} deg" in found.verdict or "gain margin" in found.verdict
+    assert "limited by " in found.verdict
+    assert " at stiffness x " in found.verdict
     for words in ("Natural modes", "Poles of the closed loop", "Disk margins", "Peaks of S and T",
                   "Bode", "Nyquist", "Nichols", "Singular values", "Steps"):  # fmt: skip
         assert f"<h2>{words}</h2>" in page
@@ -114,6 +119,7 @@ def test_a_loop_that_is_not_stable_says_so_and_has_no_margins() -> None:
     assert found.efforts == ()
     assert min(pole.damping for pole in found.poles) < 0.0
     assert "NOT STABLE" in analysis_page(found, "it")
+    assert found.verdict.startswith("not stable, so there are no margins; it grows at ")
 
 
 def test_an_unknown_controller_is_refused() -> None:

@@ -10,6 +10,7 @@ from flexslew_control.controllers import CONTROLLERS
 from flexslew_lab.comparison.comparison import Comparison, compare_candidates
 from flexslew_lab.comparison.laws import NO_FEEDBACK, laws
 from flexslew_lab.comparison.page import comparison_page
+from flexslew_lab.comparison.winners import verdict, winners
 from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
@@ -83,6 +84,23 @@ def test_the_page_shows_all_of_it_and_fetches_nothing(oscillator: Comparison) ->
     assert "<link" not in text
     table = oscillator.table(oscillator.short)
     assert [name for name, _ in table] == [entry.name for entry in oscillator.simulated_entries]
+
+
+def test_each_criterion_has_a_winner_and_none_that_lacks_a_number_wins(
+    oscillator: Comparison,
+) -> None:
+    won = {w.criterion.key: w for w in winners(oscillator)}
+    rows = {row["law"]: row for row in oscillator.rows()}
+    for key, winner in won.items():
+        known = [row[key] for row in rows.values() if row.get(key) is not None]
+        assert winner.value == rows[winner.name][key] >= min(known)
+        assert winner.value <= winner.second_value
+        assert 0 <= winner.first_on <= winner.benches == 3
+    words = verdict(oscillator)
+    assert words.startswith("least by ")
+    assert f"joints, after the end: {won['joint_error'].name}" in words
+    page = comparison_page(oscillator)
+    assert page.index('class="verdict"') < page.index("<h2>Winners</h2>") < page.index("Numbers")
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ import flexslew as fs
 from flexslew_control.plan_file import load_plan
 from flexslew_lab.cli.main import main
 from flexslew_lab.publication.archive import Statement, write_archive
+from flexslew_lab.report.run_notes import read_notes, set_note
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_plant.errors import BadInput
 
@@ -68,6 +69,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_an_archive_holds_what_the_run_is_made_of(run: Path, tmp_path: Path) -> None:
     stated = Statement(["A. Law <https://orcid.org/0000-0002-1825-0097>", "B"], "CC-BY-4.0", "Why.")
     messages: list[str] = []
+    set_note(run, "the first")
     crate = write_archive(run, tmp_path / "crate", stated, messages.append)
     graph = entities(crate)
     assert messages == []
@@ -77,6 +79,7 @@ def test_an_archive_holds_what_the_run_is_made_of(run: Path, tmp_path: Path) -> 
     people = [graph[author["@id"]]["name"] for author in root["author"]]
     assert people == ["A. Law", "B"]
     assert root["author"][0] == {"@id": "https://orcid.org/0000-0002-1825-0097"}
+    assert read_notes(crate).note == "the first"
     assert (crate / "metrics.json").read_bytes() == (run / "metrics.json").read_bytes()
     assert load_plan(crate / "plan.yaml").method == "reference_only"
     metrics = json.loads((run / "metrics.json").read_text())

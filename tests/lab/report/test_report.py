@@ -7,10 +7,12 @@ from base64 import b64decode
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from tests.panel_numbers import numbers
+from tests.present import present
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import decode, encode
@@ -40,7 +42,18 @@ def names_in(panels: list[Any]) -> set[str]:
 
 def titles_in(page: str) -> list[str]:
     found = re.findall(r'class="panel"><figcaption>(.*?)</figcaption>', page)
-    return [re.sub(r"<[^>]+>", "", title) for title in found]
+    return [re.sub(r"<[^>]+>", "", title).replace("\xa0", " ") for title in found]
+
+
+def test_a_report_in_its_run_has_a_thumbnail_beside_it(bag: Path, tmp_path: Path) -> None:
+    write_report([bag], tmp_path / "report.html")
+    picture = ElementTree.fromstring((tmp_path / "thumbnail.svg").read_text())
+    points = re.findall(r"(\d+) (\d+\.\d)", present(picture[1].get("d")))
+    heights = [float(y) for _, y in points]
+    assert len(points) == 120
+    assert min(heights) == 2.0  # the largest deflection
+    write_report([bag], tmp_path / "other" / "a.html")
+    assert not (tmp_path / "other" / "thumbnail.svg").exists()
 
 
 def test_the_page_needs_nothing_from_outside(page: str) -> None:
@@ -103,6 +116,8 @@ def test_the_animation_holds_poses_and_shapes(page: str) -> None:
     found = re.search(r'id="scenes">(.*?)</script>', page, re.DOTALL)
     assert found
     (scene,) = json.loads(found.group(1))
+    assert scene["joint_units"] == ["rad", "rad"]
+    assert "scene.joint_units[j]" in page  # beside each number of a joint
     assert len(scene["beams"]) == 2
     assert len(scene["poses"][0]) == len(scene["time"]) == len(scene["modes"]) > 200
     pose = np.array(scene["poses"][0][-1])
@@ -184,7 +199,7 @@ def test_faults_and_disturbances_are_shaded_and_explained(
     spans = [(s.kind, s.start, s.end) for s in read_run(folder).spans]
     assert spans == [("fault", 0.5, 0.9), ("disturbance", 1.2, 5.0)]
     page = write_report([folder], tmp_path / "report.html").read_text()
-    text = re.sub(r"<[^>]+>", "", page.replace("<wbr>", ""))
+    text = re.sub(r"<[^>]+>", "", page.replace("<wbr>", "")).replace("\xa0", " ")
     assert "sensor_bias (channel joint_position, bias 0.1), 0.5 to 0.9 s" in text
     assert "disturbance of 5 N m on base_yaw, 1.2 to 5 s" in text
     for panel in panels_in(page)["the-manoeuvre"]:

@@ -1,6 +1,7 @@
 """The list of runs: key figures, filter, and what cannot be read."""
 
 import errno
+import fcntl
 import json
 import os
 import sys
@@ -9,8 +10,10 @@ from typing import Any
 
 import pytest
 import yaml
+from tests.browser import PALE, Browser, chromium, looked_at
 
 from flexslew_lab.cli.main import main
+from flexslew_lab.report.run_notes import TRASH, read_notes
 from flexslew_lab.report.runs_index import runs_in, write_index
 
 
@@ -30,7 +33,7 @@ def folder(tmp_path: Path) -> Path:
     run(tmp_path, "b", "pi", 0.25)
     (tmp_path / "c").mkdir()
     (tmp_path / "c" / "metrics.json").write_text("[1, 2")
-    run(tmp_path, "d", "pi", 0.25, residual_attitude_error=["not", "ours"])
+    run(tmp_path, "d", "pi", 0.25, settling_time=["not", "ours"])
     return tmp_path
 
 
@@ -126,9 +129,118 @@ def test_the_page_holds_every_run_and_no_markup_of_theirs(folder: Path) -> None:
 def test_the_page_tells_units(folder: Path) -> None:
     page = write_index(folder).read_text()
     for title in ("residual tip deflection [m]", "settling time [s]", "peak effort [N m or N]"):
-        assert f">{title}<" in page
+        assert f">{title}<" in page.replace("\xa0", " ")
     start = page.index('id="data">') + len('id="data">')
     units = json.loads(page[start : page.index("</script>", start)])["units"]
     assert units["residual_tip_deflection"] == "m"
     assert units["settling_time.yaw"] == "s"
     assert "trajectory_hash" not in units
+
+
+def command(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
+    """Return the exit code of `flexslew runs` with these words."""
+    monkeypatch.setattr(sys, "argv", ["flexslew", "runs", *map(str, words)])
+    with pytest.raises(SystemExit) as end:
+        main()
+    return int(end.value.code or 0)
+
+
+def test_a_note_and_tags_stand_beside_the_log_and_on_the_page(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    before = {path.name for path in (folder / "a").iterdir()}
+    assert command(monkeypatch, "note", folder / "a", "figure <3>") == 0
+    assert command(monkeypatch, "tag", folder / "a", "paper", "robust", "paper") == 0
+    assert read_notes(folder / "a") == ("figure <3>", ("paper", "robust"))
+    assert {path.name for path in (folder / "a").iterdir()} == before | {"notes.yaml"}
+    page = (folder / "index.html").read_text()
+    assert '<span class="tag">robust</span> figure &lt;3&gt;' in page
+    capfd.readouterr()
+    assert command(monkeypatch, folder, "--tag", "paper", "--json") == 0
+    rows = json.loads(capfd.readouterr().out)
+    assert [(row["note"], row["tags"]) for row in rows] == [("figure <3>", ["paper", "robust"])]
+    assert command(monkeypatch, "note", folder / "a", "") == 0
+    assert command(monkeypatch, "tag", folder / "a") == 0
+    assert {path.name for path in (folder / "a").iterdir()} == before
+
+
+def test_a_run_goes_to_the_trash_and_comes_back(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = (folder / "a" / "metrics.json").read_bytes()
+    assert command(monkeypatch, "trash", folder / "a") == 0
+    assert [run.folder.name for run in runs_in(folder)[0]] == ["b"]
+    assert ">a<" not in (folder / "index.html").read_text()
+    assert command(monkeypatch, "restore", folder / "a") == 0
+    assert (folder / "a" / "metrics.json").read_bytes() == before
+    assert {run.folder.name for run in runs_in(folder)[0]} == {"a", "b"}
+
+
+def test_what_is_no_run_or_has_no_place_is_refused_and_stays(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def refused(*words: object) -> str:
+        before = sorted(path for path in folder.rglob("*"))
+        assert command(monkeypatch, *words) == 2
+        assert sorted(path for path in folder.rglob("*")) == before
+        line = capfd.readouterr().err.strip()
+        assert "\n" not in line
+        return line
+
+    (folder / "unfinished").mkdir()
+    for words in (("note", "x"), ("tag", "x"), ("trash",)):
+        name, *rest = words
+        assert "no such run" in refused(name, folder / "nobody", *rest)
+        assert "is no finished run" in refused(name, folder / "unfinished", *rest)
+    assert "is not in the trash; there is: nothing" in refused("restore", folder / "a")
+    (folder / TRASH / "a").mkdir(parents=True)
+    assert "the trash has a run of this name" in refused("trash", folder / "a")
+    assert "its place is taken" in refused("restore", folder / "a")
+    (folder / "b" / "bag").mkdir()
+    with (folder / "b" / "bag" / ".recording").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        assert "is being flown" in refused("trash", folder / "b")
+    (folder / "b" / "notes.yaml").write_text("tags: 3\n")
+    assert "is not a note with tags" in refused("note", folder / "b", "x")
+
+
+@pytest.mark.browser
+def test_the_page_is_searched_sorted_and_selected_by_hand(folder: Path) -> None:
+    run(folder, "e", "lqr", 0.0625)
+    (folder / "e" / "notes.yaml").write_text("note: the best\ntags: [paper]\n")
+    (folder / "e" / "thumbnail.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 140 36"><path d="M0 0L9 9"/></svg>'
+    )
+    names = (
+        "return [...document.querySelectorAll('#runs tbody tr:not([hidden])')]"
+        ".map(row => row.cells[1].innerText.trim())"
+    )
+    with chromium() as browser:
+        browser.open(write_index(folder), 1440)
+        tip = "//th/button[starts-with(normalize-space(), 'residual')]"
+        browser.click(tip)
+        assert browser.run(names) == ["e", "b", "a"]
+        browser.click(tip)
+        assert browser.run(names) == ["a", "b", "e"]
+        browser.write("//input[@type='search']", "PAPER best")
+        assert browser.run(names) == ["e"]
+        browser.write("//input[@type='search']", "")
+        browser.until("return document.querySelectorAll('#runs tr[hidden]').length === 0")
+        browser.click("//input[@aria-label='compare a']")
+        browser.click("//input[@aria-label='compare b']")
+        told = browser.run("return document.getElementById('command').innerText")
+        assert told == f"./flexslew report {folder / 'a'} {folder / 'b'} --open"
+        thrown = browser.run("return document.getElementById('trash').innerText")
+        assert thrown.splitlines() == [f"./flexslew runs trash {folder / n}" for n in "ab"]
+        for width in (390, 1440):
+            browser.open(folder / "index.html", width)
+            assert_whole(browser)
+
+
+def assert_whole(browser: Browser) -> None:
+    """Check that no text of the page collides, is cut off or is pale."""
+    seen = looked_at(browser)
+    assert (seen["overlaps"], seen["outside"], seen["broken"]) == ([], [], [])
+    assert seen["scroll"] <= 0
+    assert browser.run(PALE) == []
+    assert browser.complaints() == []

@@ -2,15 +2,18 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.plants import plant
 
+from flexslew_control.planners import make_plan, plan_settings
 from flexslew_lab.log.messages.cdr import encode
 from flexslew_lab.metrics.rows import unit_of
 from flexslew_lab.report.report import write_report
-from flexslew_lab.report.verdict import joints_to_move, run_summary
+from flexslew_lab.report.verdict import joints_to_move, plan_verdict, planned_on, run_summary
 
 Message = tuple[str, bytes, int]
 GOOD: dict[str, Any] = {
@@ -81,8 +84,8 @@ def test_a_run_that_an_operator_changed_is_compared_with_nothing() -> None:
     assert "feedforward" not in words
 
 
-def test_joints_that_were_told_to_move_come_worst_first() -> None:
-    assert joints_to_move(GOOD) == ("pitch", "yaw")
+def test_joints_with_a_commanded_move_come_in_the_order_of_the_bench() -> None:
+    assert joints_to_move(GOOD) == ("yaw", "pitch")
     assert joints_to_move({"overshoot": {"a": None, "b": None}}) == ("a", "b")
 
 
@@ -131,3 +134,16 @@ def test_the_drives_that_acted_are_named() -> None:
         "saturated_time": 0.0,
     }
     assert run_summary(metrics, {}, 0.1).endswith("driven by roll, w2; no effort at its limit")
+
+
+def test_a_plan_states_its_residual_its_drives_and_its_model() -> None:
+    made = make_plan(plan_settings({"method": "reference_only"}, "t.yaml"), plant())
+    assert plan_verdict(made, (150.0, 150.0)).startswith("predicted tip deflection after the mano")
+    assert "no feedforward" in plan_verdict(made, (150.0, 150.0))
+    pushed = replace(made, effort=0.0 * made.effort + [75.0, 15.0], summary={"converged": False})
+    assert "at most 50 % of the limit of base_yaw" in plan_verdict(pushed, (150.0, 150.0))
+    assert plan_verdict(pushed, (150.0, 150.0)).startswith("the planner has not converged; ")
+    assert planned_on({"believes": "1 mode instead of 3"}) == (
+        "planned on a model with 1 mode instead of 3"
+    )
+    assert planned_on({}) == planned_on(None) == ""

@@ -49,18 +49,18 @@ def test_a_plan_believes_in_the_bench_unless_it_says_otherwise() -> None:
     assert asked["initial"] == {"base_yaw": 0.0, "hub_pitch": 0.2}
     assert asked["goal"] == {"base_yaw": 0.5, "hub_pitch": 0.2}
     assert asked["feedback"] == {"kp": [500.0, 500.0], "kd": [900.0, 950.0]}
-    assert plan.summary["believes"] == "modes 1 instead of 3"
+    assert plan.summary["believes"] == "1 mode instead of 3"
 
 
 @pytest.mark.parametrize(
     ("plan", "words"),
     [
-        ("model: {variant: printed}", "variant printed instead of complete, modes 1 instead of 3"),
+        ("model: {variant: printed}", "variant printed instead of complete, 1 mode instead of 3"),
         ("model: {modes: 3}", ""),
-        ("initial: {base_yaw: 0.1}", "modes 1 instead of 3, initial.base_yaw 0.1 instead of 0.0"),
+        ("initial: {base_yaw: 0.1}", "1 mode instead of 3, initial.base_yaw 0.1 instead of 0.0"),
         (
             "feedback: {kp: 400.0, kd: 920.0}",
-            "modes 1 instead of 3, feedback.kp [400.0, 400.0] instead of [460.0, 460.0]",
+            "1 mode instead of 3, feedback.kp [400.0, 400.0] instead of [460.0, 460.0]",
         ),
     ],
 )

@@ -372,7 +372,9 @@ def test_a_study_that_was_interrupted_before_a_variant_flew_has_a_page(
     told: Callable[..., tuple[Study, Store]],
 ) -> None:
     study, store = told([{NAME: 0.1}], compare={"active": ["pd_feedforward", "lqr"]})
-    assert "1 of 2" in study_page(study, store, summary(study, store, {}))
+    page = study_page(study, store, summary(study, store, {}))
+    assert "1 of 2" in page
+    assert "Incomplete; " in page
 
 
 def test_a_metric_that_no_trial_has_is_in_no_table(

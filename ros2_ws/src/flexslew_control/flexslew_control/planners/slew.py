@@ -18,6 +18,7 @@ from flexslew_control.analysis.lti import Lti
 from flexslew_control.law import PlantDescription, per_joint
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import EMPTY, Matrix, Vector
+from flexslew_plant.counted import count_text
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.hardware.actuator import IDEAL, ActuatorSettings
 from flexslew_plant.known_joints import require_joints_of
@@ -217,7 +218,8 @@ def _model_differences(slew: Slew, plant: PlantDescription, feedback: Feedback |
             if (design != actual).any():
                 pairs.append((f"feedback.{key}", design.tolist(), actual.tolist()))
     differences = [
-        f"{key} {design} instead of {actual}" for key, design, actual in pairs[:_MAX_DIFFERENCES]
+        f"{count_text(design, 'mode') if key == 'modes' else f'{key} {design}'} instead of {actual}"
+        for key, design, actual in pairs[:_MAX_DIFFERENCES]
     ]
     more = len(pairs) - len(differences)
     return ", ".join(differences + [f"{more} more"] * (more > 0))

@@ -1,8 +1,8 @@
 """What flies in a trial, in the order of a control engineer's questions."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,6 +43,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.notebook_table import in_notebook
 
 _ON_CIRCLE = 1e-6  # distance from the unit circle at which a pole is on it
+_NEAR = 1.25  # ratio of frequencies within which a mode limits a margin [-]
 ERRORS = (0.8, 1.0, 1.2)  # of stiffness and of payload, as factors [-]
 
 
@@ -97,14 +98,7 @@ class Analysis:
 
     def __repr__(self) -> str:
         """Return one line: the controller, the number of poles, the margins."""
-        what = f"<Analysis of {self.controller}: {len(self.poles)} poles, "
-        if not self.stable:
-            return f"{what}{self.statement}>"
-        least = min((one.delay for one in self.efforts), default=np.inf)
-        disk = self.disks["input"].alpha
-        return (
-            f"{what}stable; disk margin {disk:.3g} and delay margin {least:.3g} s at the efforts>"
-        )
+        return f"<Analysis of {self.controller}: {len(self.poles)} poles, {self.verdict}>"
 
     def _repr_html_(self) -> str:
         """Return the margins at the efforts, for notebooks; of a loop that has none, its poles."""
@@ -126,6 +120,37 @@ class Analysis:
     def worst(self) -> OtherPlant | None:
         """The plant with the smallest disk margin; None where no loop is stable."""
         return min(self.others, key=lambda other: other.alpha, default=None)
+
+    @property
+    def verdict(self) -> str:
+        """The result in a sentence: stable or not, the smallest margin, where, what limits it."""
+        if not self.stable:
+            growing = [pole for pole in self.poles if np.hypot(*pole.z) > 1.0 + _ON_CIRCLE]
+            at = ", ".join(f"{pole.frequency:.3g} rad/s" for pole in growing[:3])
+            return f"{self.statement}, so there are no margins" + (f"; it grows at {at}" * bool(at))
+        parts = ["stable"]
+        smallest = min(m for channel in self.efforts for m in _smallest_margins(channel))
+        if np.isfinite(smallest.alpha):
+            parts.append(
+                f"the smallest margin is {smallest.words} of {smallest.channel} at "
+                f"{smallest.frequency:.3g} rad/s, limited by {self._limit_at(smallest.frequency)}"
+            )
+        disk, delay = self.disks["input"].alpha, min(c.delay for c in self.efforts)
+        parts.append(f"disk margin {disk:.3g} and delay margin {delay:.3g} s at the efforts")
+        if (w := self.worst) is not None:
+            worst = f"disk margin {w.alpha:.3g}" if w.stable else "not stable"
+            parts.append(f"{worst} at stiffness x {w.stiffness:g} and payload x {w.payload:g}")
+        return "; ".join(parts)
+
+    def _limit_at(self, frequency: float) -> str:
+        """Return what of the plant is at a frequency: a mode, or the motion of the rigid body."""
+        near = (m for m in self.modes if abs(np.log(m.frequency / frequency)) < np.log(_NEAR))
+        mode = min(near, key=lambda m: abs(m.frequency - frequency), default=None)
+        if mode is not None:
+            return f"the mode at {mode.frequency:.3g} rad/s"
+        if any(m.frequency < frequency for m in self.modes):
+            return "the phase lag of the loop between or above its modes"
+        return "the rigid motion, below the modes"
 
     @property
     def statement(self) -> str:
@@ -155,6 +180,7 @@ class Analysis:
             "modes": [mode._asdict() for mode in self.modes],
             "poles": [asdict(pole) for pole in self.poles],
             "stable": self.stable,
+            "verdict": self.verdict,
             "uncontrolled": list(self.uncontrolled),
             "efforts": [asdict(margins) for margins in self.efforts],
             "sensors": [asdict(margins) for margins in self.sensors],
@@ -357,6 +383,30 @@ def residual_curve(plan: Plan, frequency: Vector) -> tuple[dict[str, Vector], bo
         if size > 0.0:
             curves[name] = sample_gain * abs(phases @ column) / size
     return curves, has_feedforward
+
+
+class _Margin(NamedTuple):
+    """A margin of a channel."""
+
+    alpha: float  # the largest disk margin that it allows
+    words: str
+    channel: str
+    frequency: float  # [rad/s]
+
+
+def _smallest_margins(channel: ChannelMargins) -> Iterator[_Margin]:
+    """Yield the gain margins and the phase margin of a channel, with the disks that they allow.
+
+    A gain margin g allows a disk of 2 |g - 1| / (g + 1), a phase margin p one of 2 tan(p / 2)
+    (Seiler, Packard and Gahinet, An introduction to disk margins, 2020).
+    """
+    gains = ((channel.gain_up, channel.up_frequency), (channel.gain_down, channel.down_frequency))
+    for gain, frequency in gains:
+        allowed = 2.0 * abs(gain - 1.0) / (gain + 1.0) if np.isfinite(frequency) else np.inf
+        yield _Margin(allowed, f"a gain margin of {gain:.3g}", channel.name, frequency)
+    allowed = 2.0 * float(np.tan(0.5 * channel.phase)) if np.isfinite(channel.phase) else np.inf
+    words = f"a phase margin of {np.degrees(channel.phase):.3g} deg"
+    yield _Margin(allowed, words, channel.name, channel.phase_frequency)
 
 
 def finite(value: Any) -> Any:

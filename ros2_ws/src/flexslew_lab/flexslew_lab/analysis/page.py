@@ -10,6 +10,7 @@ from flexslew_lab.analysis.proof import Proof
 from flexslew_lab.analysis.proof_tables import proof_tables
 from flexslew_lab.report.panels import Group, Panel, legend, style
 from flexslew_lab.report.sections import Section, Table, page_of_sections
+from flexslew_lab.short_values import in_columns
 from flexslew_plant.arrays import Vector
 
 _MOST_TICKS = 4000  # of a response
@@ -33,9 +34,12 @@ def analysis_page(analysis: Analysis, name: str, proof: Proof | None = None) -> 
                  _singular(analysis), _steps(analysis)]  # fmt: skip
     if analysis.plan is not None:
         sections.append(_residual(analysis))
+    words = analysis.verdict
+    if not analysis.stable:
+        words = words.replace(analysis.statement, analysis.statement.upper(), 1)
     description = f"{analysis.law} about the rest at {position_text}, at {rest.time:g} s"
     title = f"{name}: {analysis.controller}"
-    return page_of_sections("analysis", title, description, sections)
+    return page_of_sections("analysis", title, description, sections, words)
 
 
 def tables(analysis: Analysis) -> list[Table]:
@@ -46,8 +50,7 @@ def tables(analysis: Analysis) -> list[Table]:
     found.append(_margins("Margins at the plant's input", analysis.efforts))
     found.append(_margins("Margins at the plant's output", analysis.sensors))
     disks = [
-        [place, _number(d.alpha), _number(20.0 * np.log10(d.gain)), _number(np.degrees(d.phase)),
-         _number(d.frequency)]
+        [place, d.alpha, 20.0 * np.log10(d.gain), np.degrees(d.phase), d.frequency]
         for place, d in analysis.disks.items()
     ]  # fmt: skip
     found.append(
@@ -56,18 +59,17 @@ def tables(analysis: Analysis) -> list[Table]:
             "All channels of the place change at once, each by its own gain and phase. The bounds "
             "are guaranteed.",
             ("place", "alpha", "gain +- [dB]", "phase +- [deg]", "at [rad/s]"),
-            disks,
+            in_columns(disks),
         )
     )
-    peaks = [[place, _number(s), _number(t)] for place, (s, t) in analysis.peaks.items()]
+    peaks = in_columns((place, s, t) for place, (s, t) in analysis.peaks.items())
     words = "Largest singular values of sensitivity and complementary sensitivity."
     found.append(Table("Peaks of S and T", words, ("place", "S", "T"), peaks))
     if analysis.others:
-        rows = [
-            [f"{o.stiffness:g}, {o.payload:g}", "yes" if o.stable else "NO", _number(o.alpha),
-             _number(o.delay)]
+        rows = in_columns(
+            (f"{o.stiffness:g}, {o.payload:g}", "yes" if o.stable else "NO", o.alpha, o.delay)
             for o in analysis.others
-        ]  # fmt: skip
+        )
         head = ("stiffness, payload", "stable", "disk margin", "delay margin [s]")
         words = "Factors on the plant, the law as it is."
         found.append(Table("Plants that differ from the design model", words, head, rows))
@@ -78,12 +80,12 @@ def _modes(analysis: Analysis) -> Table:
     modes = analysis.modes
     shape, actuation = (list(getattr(modes[0], key)) if modes else [] for key in ("shape", "moved"))
     seen = list(modes[0].seen) if modes else []
-    rows = [
-        [_number(m.frequency), f"{m.damping if abs(m.damping) > 1e-12 else 0.0:.3g}",
+    rows = in_columns(
+        [m.frequency, m.damping if abs(m.damping) > 1e-12 else 0.0,
          *(f"{m.shape[key]:+.3f}" for key in shape), *(f"{m.moved[key]:.3f}" for key in actuation),
          *(f"{m.seen[key]:.3f}" for key in seen)]
         for m in modes
-    ]  # fmt: skip
+    )  # fmt: skip
     columns = (
         "frequency [rad/s]", "damping [-]", *(f"shape: {key}" for key in shape),
         *(f"moved by {key}" for key in actuation), *(f"seen by {key}" for key in seen),
@@ -96,28 +98,22 @@ def _modes(analysis: Analysis) -> Table:
 
 
 def _poles(analysis: Analysis) -> Table:
-    rows = [
-        [_number(p.frequency), f"{p.damping:.4g}", f"{p.z[0]:.7f} {p.z[1]:+.7f}j",
-         f"{p.strength:.2g}"]
-        for p in analysis.poles
-    ]  # fmt: skip
-    words = f"{analysis.statement.capitalize()}."
-    if not analysis.stable:
-        words = f"{analysis.statement.upper()}: there are no margins."
-    more = f" The law has {len(analysis.running.form.a)} states of its own."
+    rows = in_columns(
+        (p.frequency, p.damping, f"{p.z[0]:.7f} {p.z[1]:+.7f}j", p.strength) for p in analysis.poles
+    )
+    words = f"The law has {len(analysis.running.form.a)} states of its own."
     return Table(
-        "Poles of the closed loop", f"{words}{more}",
+        "Poles of the closed loop", words,
         ("frequency [rad/s]", "damping [-]", "z", "strength [-]"), rows,
     )  # fmt: skip
 
 
 def _margins(title: str, channels: tuple[ChannelMargins, ...]) -> Table:
-    rows = [
-        [c.name, _number(c.gain_up), _number(c.up_frequency), _number(c.gain_down),
-         _number(np.degrees(c.phase)), _number(c.phase_frequency), _number(c.delay),
-         _number(c.delay_frequency), ", ".join(f"{w:.4g}" for w in c.crossovers[:8])]
+    rows = in_columns(
+        (c.name, c.gain_up, c.up_frequency, c.gain_down, np.degrees(c.phase), c.phase_frequency,
+         c.delay, c.delay_frequency, ", ".join(f"{w:.4g}" for w in c.crossovers[:8]))
         for c in channels
-    ]  # fmt: skip
+    )  # fmt: skip
     columns = ("channel", "gain up to", "at [rad/s]", "gain down to", "phase [deg]", "at [rad/s]",
                "delay [s]", "at [rad/s]", "crossovers [rad/s]")  # fmt: skip
     return Table(title, "One channel changes, all others are closed.", columns, rows)

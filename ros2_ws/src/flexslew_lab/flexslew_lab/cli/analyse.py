@@ -8,7 +8,7 @@ import typer
 from flexslew_lab.cli.compare import Sets, TrialFile
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.model import At, Joints, joints_of
-from flexslew_lab.cli.terminal import link, print_message, print_table
+from flexslew_lab.cli.terminal import link, print_message, print_table, print_verdict
 from flexslew_lab.json_text import json_text
 from flexslew_lab.progress import display_progress
 from flexslew_lab.trial.outputs import check_output_file, new_file
@@ -60,6 +60,7 @@ def analyse(
     else:
         for kind in found.point.left_out:
             print_message(f"left out: {kind}")
+        print_verdict(found.verdict)
         print_table(("", found.controller), summary_rows(found))
         if proof is not None:
             print_table(MARGIN_COLUMNS, margin_rows(proof))

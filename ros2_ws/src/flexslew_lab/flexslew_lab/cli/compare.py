@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from flexslew_lab.cli.log import Json
-from flexslew_lab.cli.terminal import link, print_message, print_table
+from flexslew_lab.cli.terminal import link, print_message, print_table, print_verdict
 from flexslew_lab.json_text import json_text
 from flexslew_lab.progress import display_progress
 from flexslew_lab.trial.outputs import check_output_file, new_file
@@ -44,6 +44,7 @@ def compare(
     from flexslew_lab.comparison.laws import laws
     from flexslew_lab.comparison.page import comparison_page
     from flexslew_lab.comparison.planners import planners
+    from flexslew_lab.comparison.winners import verdict
     from flexslew_lab.report.page import write_page
     from flexslew_lab.trial.sources import read_trial
 
@@ -56,6 +57,7 @@ def compare(
     if as_json:
         print(json_text(found.rows()))
     else:
+        print_verdict(verdict(found))
         short = found.filled(found.short)
         headers = (found.word, *(column.title for column in short))
         print_table(headers, [(name, *cells) for name, cells in found.table(short)])

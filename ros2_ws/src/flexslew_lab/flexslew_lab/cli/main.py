@@ -67,6 +67,7 @@ app = typer.Typer(
 )
 app.add_typer(log, name="log", rich_help_panel="Logs and replay")
 app.add_typer(study, name="study", rich_help_panel="Analyse and identify")
+app.add_typer(runs, name="runs", rich_help_panel="Look at runs")
 app.callback()(reading_limits)
 
 _PIPE_EXIT_CODE = 141  # exit code that a shell has for the signal of a closed pipe
@@ -175,6 +176,7 @@ def plan(
     """
     from flexslew_control.plan_file import plan_hash, save_plan
     from flexslew_control.planners import make_plan, other_method, plan_settings
+    from flexslew_lab.report.verdict import plan_verdict
     from flexslew_lab.trial.angles import doubtful_angles
     from flexslew_lab.trial.sources import read_trial
     from flexslew_lab.trial.trial import (
@@ -237,6 +239,7 @@ def plan(
     if as_json:
         print(json_text(summary))
     else:
+        print_verdict(plan_verdict(made, requested.testbed.effort_limit))
         print_table(("", made.method), rows)
 
 
@@ -324,7 +327,7 @@ def reproduce(
 
 _GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "Fly and plan": (trial, trials, schema, plan, console),
-    "Look at runs": (runs, report, compare, figure, archive),
+    "Look at runs": (report, compare, figure, archive),
     "Operate a running bench": (*COMMANDS, live),
     "Logs and replay": (resim, check, play, recover),
     "Analyse and identify": (analyse, gains, model, identify, reproduce),

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from flexslew_lab.cli.terminal import print_message, print_table
+from flexslew_lab.cli.terminal import print_message, print_table, print_verdict
 from flexslew_lab.json_text import json_text
 from flexslew_lab.short_values import short
 
@@ -20,6 +20,7 @@ def print_summary(found: dict[str, Any], as_json: bool) -> None:
         metric_tables,
         missing_words,
         pair_rows,
+        study_verdict,
     )
 
     colors = {Decision.PASSED: "green", Decision.REJECTED: "red", Decision.UNKNOWN: "yellow"}
@@ -32,6 +33,7 @@ def print_summary(found: dict[str, Any], as_json: bool) -> None:
         ("table", found["table"]),
         ("report", found.get("report", "-")),
     ]
+    print_verdict(study_verdict(found))
     print_table(("", found["study"]), rows)
     if words := missing_words(found):
         print_message(words, "red", head="incomplete: ")

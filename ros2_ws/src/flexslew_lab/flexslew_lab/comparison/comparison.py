@@ -9,9 +9,11 @@ import numpy as np
 
 from flexslew_control.plan import Plan
 from flexslew_lab.comparison.flights import CaseOutcome, ComparisonJob, FlightCase, PlanCase
+from flexslew_lab.comparison.quantities import ComparisonMetric
 from flexslew_lab.report.panels import Group
 from flexslew_lab.run.flight_log import FlightLog
 from flexslew_lab.run.pool import Executor, InThisProcess, Pool
+from flexslew_lab.short_values import in_columns
 from flexslew_lab.trial.trial import Trial, trial_text
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Truth
@@ -109,7 +111,7 @@ class TableColumn(NamedTuple):
     """A column of a table."""
 
     title: str
-    cell: Callable[[CandidateResult], str]
+    cell: Callable[[CandidateResult], str | float]
 
 
 @dataclass(frozen=True, repr=False)
@@ -125,6 +127,7 @@ class Comparison:
     numbers: Callable[[CandidateResult], dict[str, Any]]  # of one that flew, by key
     short: Sequence[TableColumn]  # for a terminal
     columns: Sequence[TableColumn]
+    criteria: Sequence[ComparisonMetric]  # by which candidates are ranked
     groups: Sequence[Group]
 
     def __repr__(self) -> str:
@@ -152,8 +155,9 @@ class Comparison:
         ]
 
     def table(self, columns: Sequence[TableColumn]) -> list[tuple[str, list[str]]]:
-        """Return name and cells of each candidate that flew."""
-        return [(e.name, [column.cell(e) for column in columns]) for e in self.simulated_entries]
+        """Return name and cells of each candidate that flew, a column in one format."""
+        rows = in_columns(([c.cell(e) for c in columns] for e in self.simulated_entries), 3)
+        return [(e.name, row) for e, row in zip(self.simulated_entries, rows, strict=True)]
 
     def filled(self, columns: Sequence[TableColumn]) -> tuple[TableColumn, ...]:
         """Return the columns in which any candidate has a value."""

@@ -183,6 +183,7 @@ def _view(trial: Trial, entries: Entries) -> Comparison:
         numbers=lambda entry: _by_error(by, entry),
         short=short,
         columns=[*short, *worst],
+        criteria=by,
         groups=[
             robustness(
                 simulated,
@@ -212,20 +213,17 @@ def _by_error(by: Sequence[ComparisonMetric], entry: CandidateResult) -> dict[st
     }
 
 
-def _nominal(quantity: ComparisonMetric, entry: CandidateResult) -> str:
-    return _cell(quantity.of(entry.nominal.metrics))
+def _nominal(quantity: ComparisonMetric, entry: CandidateResult) -> str | float:
+    value = quantity.of(entry.nominal.metrics)
+    return NO_VALUE if value is None else float(value)
 
 
-def _worst(quantity: ComparisonMetric, entry: CandidateResult) -> str:
+def _worst(quantity: ComparisonMetric, entry: CandidateResult) -> str | float:
     values = [_number(quantity, flight) for flight in entry.flights]
-    return "lost" if not np.isfinite(values).all() else _cell(max(values))
+    return max(values) if np.isfinite(values).all() else "lost"
 
 
 def _number(quantity: ComparisonMetric, flight: CandidateFlight) -> float:
     """Return a quantity of a flight; NaN where the bench was lost."""
     value = None if flight.lost else quantity.of(flight.metrics)
     return float("nan") if value is None else value
-
-
-def _cell(value: float | None) -> str:
-    return NO_VALUE if value is None else f"{value:.3g}"

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_lab.comparison.comparison import CandidateFlight, Comparison, Entries
+from flexslew_lab.comparison.winners import verdict, winner_table
 from flexslew_lab.report.panels import Group, Panel, legend, style
 from flexslew_lab.report.sections import Section, Table, page_of_sections
 from flexslew_plant.arrays import Vector
@@ -35,8 +36,11 @@ def comparison_page(comparison: Comparison) -> str:
         [style(k)["color"] for k in range(len(comparison.simulated_entries))],
     )
     reasons = [(entry.name, entry.refused) for entry in comparison.entries if entry.refused]
-    sections: list[Section] = [numbers, Table("Not flown", "", (), reasons), *comparison.groups]
-    return page_of_sections("comparison", comparison.title, comparison.about, sections)
+    refused = Table("Not flown", "", (), reasons)
+    sections: list[Section] = [winner_table(comparison), numbers, refused, *comparison.groups]
+    return page_of_sections(
+        "comparison", comparison.title, comparison.about, sections, verdict(comparison)
+    )
 
 
 def robustness(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from flexslew_lab.comparison.comparison import (
 )
 from flexslew_lab.comparison.flights import largest_tip
 from flexslew_lab.comparison.page import PlotMetric, motion, robustness
+from flexslew_lab.comparison.quantities import ComparisonMetric
 from flexslew_lab.comparison.slew import (
     SlewComparison,
     duration_of,
@@ -214,6 +216,7 @@ def _view(trial: Trial, entries: Entries, errors: Sequence[float]) -> Comparison
         for kind, words in _ERROR_NAMES.items()
     ]
     modes = count_text(trial.testbed.modes, "mode")
+    effort_unit, joint_unit = _units(found)
     return Comparison(
         word="method",
         title=f"{trial.name}: every method",
@@ -224,6 +227,15 @@ def _view(trial: Trial, entries: Entries, errors: Sequence[float]) -> Comparison
         numbers=found.numbers,
         short=_short(found),
         columns=_columns(found),
+        criteria=[
+            ComparisonMetric(key, title, unit, itemgetter(key))
+            for key, title, unit in (
+                ("residual_tip", "tip, after the end", "m"),
+                ("residual_joint", "joints, after the end", joint_unit),
+                ("settling_time", "joints settled after", "s"),
+                ("effort", "effort", f"({effort_unit})² s"),
+            )
+        ],
         groups=[
             robustness(
                 simulated,
@@ -239,16 +251,15 @@ def _view(trial: Trial, entries: Entries, errors: Sequence[float]) -> Comparison
 
 def _columns(found: SlewComparison) -> list[TableColumn]:
     """Return the columns of the page, those of each flight next to each other."""
-    linear = all(unit == "m" for _, unit in found.named)
-    torque, joint = ("N", "m") if linear else ("N m", "rad")
+    torque, joint = _units(found)
     names, bound = [name for name, _ in found.named], found.lower_bound
 
     def over(entry: CandidateResult) -> str:
         duration = duration_of(entry)
         return f"{duration / bound:.2f}" if bound > 0.0 and duration > 0.0 else NO_VALUE
 
-    def tip(kind: str, k: int) -> Callable[[CandidateResult], str]:
-        return lambda entry: f"{tip_of(entry.by(kind)[k]):.3g}"
+    def tip(kind: str, k: int) -> Callable[[CandidateResult], float]:
+        return lambda entry: tip_of(entry.by(kind)[k])
 
     tips = [
         TableColumn(f"tip, {words} {getattr(flight, kind):+.0%} [m]", tip(kind, k))
@@ -256,12 +267,12 @@ def _columns(found: SlewComparison) -> list[TableColumn]:
         for k, flight in enumerate(found.flown[0].by(kind) if found.flown else ())
         if kind == STIFFNESS or flight.carried
     ]
-    peaks = [(f"peak {n} [{unit}]", _cell(".3g", "peak_position", n)) for n, unit in found.named]
+    peaks = [(f"peak {n} [{unit}]", _cell("", "peak_position", n)) for n, unit in found.named]
     overshoot_columns = [
         (f"overshoot {name} [%]", _cell(".1%", "overshoot", name)) for name in names
     ]
     efforts = [
-        (f"peak effort on {name} [{torque}]", _cell(".4g", "peak_effort", k))
+        (f"peak effort on {name} [{torque}]", _cell("", "peak_effort", k))
         for k, name in enumerate(names)
     ]
     return [
@@ -271,8 +282,13 @@ def _columns(found: SlewComparison) -> list[TableColumn]:
         TableColumn(f"joint error [{joint}]", _cell(".2e", "residual_joint")),
         *tips,
         *(TableColumn(*column) for column in (*peaks, *overshoot_columns, *efforts)),
-        TableColumn(f"effort [({torque})² s]", _cell(".4g", "effort")),
+        TableColumn(f"effort [({torque})² s]", _cell("", "effort")),
     ]
+
+
+def _units(found: SlewComparison) -> tuple[str, str]:
+    """Return the units of efforts and of joints."""
+    return ("N", "m") if all(unit == "m" for _, unit in found.named) else ("N m", "rad")
 
 
 def _short(found: SlewComparison) -> list[TableColumn]:
@@ -280,8 +296,8 @@ def _short(found: SlewComparison) -> list[TableColumn]:
     return [
         TableColumn("time [s]", lambda entry: _step_or(entry, ".2f")),
         TableColumn("settled [s]", _cell(".1f", "settling_time")),
-        TableColumn("tip [m]", _cell(".3g", "residual_tip")),
-        TableColumn("worst tip [m]", lambda entry: f"{worst_residual(entry):.3g}"),
+        TableColumn("tip [m]", _cell("", "residual_tip")),
+        TableColumn("worst tip [m]", worst_residual),
         *(TableColumn(f"{n} over [%]", _cell(".1%", "overshoot", n)) for n, _ in found.named),
     ]
 
@@ -290,13 +306,18 @@ def _step_or(entry: CandidateResult, form: str) -> str:
     return format(duration_of(entry), form) if duration_of(entry) > 0.0 else "step"
 
 
-def _cell(form: str, *path: str | int) -> Callable[[CandidateResult], str]:
-    """Return what writes a number of the nominal flight; its unit stands in the title."""
+def _cell(form: str, *path: str | int) -> Callable[[CandidateResult], str | float]:
+    """Return what writes a number of the nominal flight; its unit stands in the title.
 
-    def cell(entry: CandidateResult) -> str:
+    Without a form it is that of its column.
+    """
+
+    def cell(entry: CandidateResult) -> str | float:
         value: Any = entry.nominal.metrics
         for key in path:
             value = value[key]
-        return NO_VALUE if value is None else format(value, form).rstrip("%")
+        if value is None:
+            return NO_VALUE
+        return format(value, form).rstrip("%") if form else float(value)
 
     return cell

@@ -9,6 +9,7 @@ from flexslew_lab.gains.ensemble import MemberOutcome
 from flexslew_lab.gains.search import FoundGains, GainEvaluation
 from flexslew_lab.report.panels import Group, Panel, legend, style
 from flexslew_lab.report.sections import Table, page_of_sections
+from flexslew_lab.short_values import in_columns
 
 _FRONT = 20  # rows of the table, at most
 
@@ -17,16 +18,17 @@ def gains_page(found: FoundGains, name: str) -> str:
     """Return the search as HTML that needs nothing else."""
     sections = (_comparison_table(found), _front(found), _trade_off(found))
     title = f"{name}: gains of {found.gains.controller}"
-    return page_of_sections("gains", title, found.verdict, sections)
+    return page_of_sections("gains", title, "", sections, found.verdict)
 
 
 def summary_rows(found: FoundGains) -> list[tuple[str, ...]]:
     """Return the trial's gains and the best ones, with what they do."""
     ones = [1.0] * len(found.gains.shipped)
-    return [
+    rows = (
         ("in the trial", *_cells(found.gains.times(ones), found.shipped)),
         ("found", *_cells(found.gains.times(found.best.factors), found.best.outcome)),
-    ]
+    )
+    return [tuple(row) for row in in_columns(rows)]
 
 
 def columns(found: FoundGains) -> tuple[str, ...]:
@@ -34,9 +36,9 @@ def columns(found: FoundGains) -> tuple[str, ...]:
     return ("", *found.gains.shipped, "worst residual [m]", "worst effort", "disk margin")
 
 
-def _cells(gains: dict[str, Any], outcome: MemberOutcome) -> list[str]:
+def _cells(gains: dict[str, Any], outcome: MemberOutcome) -> list[str | float]:
     numbers = [", ".join(f"{v:.5g}" for v in np.atleast_1d(value)) for value in gains.values()]
-    return [*numbers, *(f"{v:.5g}" for v in outcome)]
+    return [*numbers, *map(float, outcome)]
 
 
 def _comparison_table(found: FoundGains) -> Table:
@@ -51,7 +53,9 @@ def _comparison_table(found: FoundGains) -> Table:
 def _front(found: FoundGains) -> Table:
     front = found.front
     rows = np.unique(np.linspace(0, len(front) - 1, min(len(front), _FRONT)).round().astype(int))
-    entries = [_cells(found.gains.times(front[k].factors), front[k].outcome) for k in rows]
+    entries = in_columns(
+        _cells(found.gains.times(front[k].factors), front[k].outcome) for k in rows
+    )
     words = "None that was tried has both a smaller residual and a larger margin."
     return Table("What the margin costs", words, columns(found)[1:], entries)
 

@@ -20,7 +20,7 @@ _MAX_POINTS = 2000  # points of a residual's curve
 def identification_page(found: Identification) -> str:
     """Return the identification as HTML that needs nothing else."""
     title = found.model.record.source
-    return page_of_sections("identification", title, verdict(found), _sections(found))
+    return page_of_sections("identification", title, "", _sections(found), verdict(found))
 
 
 def _sections(found: Identification) -> Iterator[Section]:

@@ -20,6 +20,7 @@ from flexslew_control.plan_file import save_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_from, user_keys_of
 from flexslew_lab.metrics.rows import flat, row_unit
+from flexslew_lab.report.run_notes import NOTES
 from flexslew_lab.trial.outputs import bag_folder, check_output_file, check_output_folder
 from flexslew_lab.trial.own_code import HASH_KEY
 from flexslew_plant.own_code import NO_CODE, Trust, file_of
@@ -42,6 +43,7 @@ _ABOUT = {
     "plan.yaml": "the last plan that was flown",
     "metrics.json": "metrics of the run",
     "report.html": "report of the run, one page",
+    NOTES: "note and tags of the run",
     "README.md": "what this is, and how to fly it again",
     CHECKSUMS: "SHA-256 of the files, for `sha256sum -c`",
 }
@@ -114,7 +116,7 @@ def _fill(
             shutil.copy2(path, log / path.name)
     (crate / "trial.yaml").write_text(bag.trial_text, encoding="utf-8")
     metrics = metrics_from(bag)
-    for name in ("metrics.json", "report.html"):
+    for name in ("metrics.json", "report.html", NOTES):
         if (folder / name).is_file():
             shutil.copy2(folder / name, crate / name)
     if bag.overview.plans:

@@ -14,8 +14,11 @@ from markupsafe import Markup, escape
 
 from flexslew_lab.log.files.whole_file import write_whole
 
+_UNITS = re.compile(  # of which no line may break: [N m], 3.2 rad/s
+    r"\[[^][,]+\]|(?<=\d) (?:N m|\(N m\)|N|rad|m|s|kg|deg|dB|Hz|%)(?![\w])"
+)
 # where a long name may go on in the next line, and no number
-_SEPARATOR = re.compile(r"(?<=[_/:])(?=\w)|(?<=[.-])(?=[^\W\d])")
+_SEPARATOR = re.compile(r"(?<=[_/:])(?<!rad/)(?<!deg/)(?<![\s[]m/)(?=\w)|(?<=[.-])(?=[^\W\d])")
 
 
 def render(template: str, figures: bool = True, **values: Any) -> str:
@@ -58,8 +61,9 @@ def write_page(page: str, out: Path) -> Path:
 
 
 def wrapped(text: object) -> Markup:
-    """Return a text that may break after the separators inside of names, and only there."""
-    return Markup("<wbr>").join(escape(part) for part in _SEPARATOR.split(str(text)))
+    """Return a text that may break after the separators inside of names, and inside of no unit."""
+    whole = _UNITS.sub(lambda unit: unit[0].replace(" ", "\N{NO-BREAK SPACE}"), str(text))
+    return Markup("<wbr>").join(escape(part) for part in _SEPARATOR.split(whole))
 
 
 def embedded(data: Any) -> str:

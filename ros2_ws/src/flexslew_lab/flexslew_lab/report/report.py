@@ -22,13 +22,16 @@ from flexslew_lab.report.scene_data import scene_of
 from flexslew_lab.report.sections import Table, page_of_sections
 from flexslew_lab.report.sky_map import testbed_sky_map
 from flexslew_lab.report.story import Line, story_of
-from flexslew_lab.report.verdict import joints_to_move, run_summary
+from flexslew_lab.report.thumbnail import THUMBNAIL, thumbnail
+from flexslew_lab.report.verdict import joints_to_move, plan_verdict, planned_on, run_summary
+from flexslew_lab.short_values import short
 from flexslew_lab.trial.outputs import WITHOUT
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.counted import count_text
 from flexslew_plant.events import IN_CHARGE, FastMode, LargeDeflection, SwitchCompleted, step_words
 from flexslew_plant.yaml_data import load_yaml
 
+REPORT = "report.html"  # of a run, in its folder, with its thumbnail beside it
 EVENTS = 300  # of a run that the table shows
 KEY_METRICS = (
     "residual_tip_deflection",
@@ -92,6 +95,8 @@ def write_report(
     if other is not None:
         runs[0] = runs[0]._replace(label="with feedforward") if len(runs) == 1 else runs[0]
         other = other._replace(label="without feedforward")
+    if len(runs) == 1 and out.name == REPORT:
+        write_page(thumbnail(runs[0]), out.with_name(THUMBNAIL))
     return write_page(page_of(runs, other), out)
 
 
@@ -116,7 +121,8 @@ def write_plan(
         for name, position, unit in zip(plan.joint_names, plan.position[-1], units, strict=True)
     )
     sections = (figures.plan_profile(plan, units, limits), Table("Numbers", "", (), rows))
-    return write_page(page_of_sections("plan", plan.method, f"to {goal}", sections), out)
+    words = plan_verdict(plan, limits)
+    return write_page(page_of_sections("plan", plan.method, f"to {goal}", sections, words), out)
 
 
 def page_of(runs: Sequence[RunData], other: RunData | None = None) -> str:
@@ -160,14 +166,9 @@ def page_of(runs: Sequence[RunData], other: RunData | None = None) -> str:
 
 def number(value: Any) -> str:
     """Return a value of metrics.json for a person."""
-    if value is None:
-        return "-"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    if isinstance(value, float):
-        large = 1e3 <= abs(value) < 1e5  # where three digits are whole numbers, not powers of ten
-        return f"{float(f'{value:.3g}'):,.0f}" if large else f"{value:.3g}"
-    return str(value)
+    return short(value, 4)
 
 
 def _groups(runs: Sequence[RunData], other: RunData | None) -> Iterator[Group]:
@@ -252,7 +253,8 @@ def _key_metrics(run: RunData) -> list[tuple[str, str, list[tuple[str, str]]]]:
     error_keys = (
         ("goal_error", "final_error") if goal_error_message(run.metrics, tolerance, {}) else ()
     )
-    active_joints, units = joints_to_move(run.metrics), run.units
+    units = run.units
+    active_joints = [name for name in units if name in joints_to_move(run.metrics)]
     for key in (*error_keys, *KEY_METRICS):
         value, named = run.metrics[key], {"": run.metrics[key]}
         if isinstance(value, dict):
@@ -271,7 +273,11 @@ def _key_metrics(run: RunData) -> list[tuple[str, str, list[tuple[str, str]]]]:
 def _metric_rows(runs: Sequence[RunData]) -> tuple[list[_Row], list[_Row]]:
     """Return a row for every number, with those of joints without a commanded move separate."""
     each = [flat(run.metrics) for run in runs]
-    names = sorted({name: None for rows in each for name in rows}, key=_place)
+    order = {name: k for k, name in enumerate(runs[0].joint_names)}
+    names = sorted(
+        {name: None for rows in each for name in rows},
+        key=lambda name: (_place(name), order.get(name.partition(".")[2], len(order))),
+    )
     active_joints = {name for run in runs for name in joints_to_move(run.metrics)}
     rest_joints = {name for run in runs for name in run.joint_names} - active_joints
     user_keys = {key: entry for run in runs for key, entry in run.user_keys.items()}
@@ -295,22 +301,15 @@ def _place(name: str) -> int:
 def _subtitle(run: RunData) -> str:
     testbed = run.overview.testbed
     m = run.metrics
+    plans = run.overview.plans
+    believed = planned_on(load_yaml(plans[-1].summary, "plan")) if plans else ""
     parts = [
+        believed[:1].upper() + believed[1:],
         f"{testbed.kind} testbed, {count_text(testbed.modes, 'mode')}" if testbed else "",
         f"{m['duration']:g} s simulated in {count_text(m['ticks'], 'tick')}",
         f"{m['wall_time']:.3g} s on the wall clock" if m["wall_time"] else "",
-        *_model_differences(run),
     ]
     return " · ".join(part for part in parts if part)
-
-
-def _model_differences(run: RunData) -> list[str]:
-    """Return the assumptions of the last plan that differ from the bench, if it lists them."""
-    if not run.overview.plans:
-        return []
-    summary = load_yaml(run.overview.plans[-1].summary, "plan") or {}
-    words = summary.get("believes", "") if isinstance(summary, dict) else ""
-    return [f"the plan assumes: {words}"] if words else []
 
 
 def _provenance(run: RunData) -> dict[str, Any]:

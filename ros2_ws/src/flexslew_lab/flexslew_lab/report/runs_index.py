@@ -8,8 +8,10 @@ from typing import Any, NamedTuple
 
 from flexslew_lab.metrics.rows import flat, unit_of
 from flexslew_lab.report.page import render, write_page
+from flexslew_lab.report.run_notes import read_notes
+from flexslew_lab.report.thumbnail import THUMBNAIL
 from flexslew_lab.report.verdict import joints_to_move, run_summary
-from flexslew_lab.short_values import short
+from flexslew_lab.short_values import in_columns, short
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.given_file import given_text
@@ -33,6 +35,8 @@ class Run(NamedTuple):
     testbed: str
     operator: str  # changed or untouched; empty: unknown from its log
     verdict: str
+    note: str
+    tags: tuple[str, ...]
     figures: dict[str, float | None]  # the worst joint where there are several
     metrics: dict[str, Any]  # all of them, by dotted name
 
@@ -41,6 +45,12 @@ class Run(NamedTuple):
         """Its report, as seen from the page; empty where it has none."""
         exists = (self.folder / "report.html").is_file()
         return f"{self.folder.name}/report.html" if exists else ""
+
+    @property
+    def picture(self) -> str:
+        """Its thumbnail, as seen from the page; empty where it has none."""
+        exists = (self.folder / THUMBNAIL).is_file()
+        return f"{self.folder.name}/{THUMBNAIL}" if exists else ""
 
 
 def runs_in(
@@ -71,8 +81,10 @@ def write_index(folder: Path) -> Path:
     """Return the page over all runs of a folder that was written into it."""
     rows, invalid_names = runs_in(folder)
     columns = [(key, unit_of(key, ())) for key in FIGURES]
-    page = render("runs.html.j2", figures=False, runs=rows, unread=invalid_names, columns=columns,
-                  choices=_choices(rows), data=_comparison_data(rows))  # fmt: skip
+    cells = {run.folder: [run.figures[key] for key in FIGURES] for run in rows}
+    texts = dict(zip(cells, in_columns(cells.values(), 3), strict=True))
+    page = render("runs.html.j2", figures=False, runs=rows, texts=texts, unread=invalid_names,
+                  columns=columns, choices=_choices(rows), data=_comparison_data(rows))  # fmt: skip
     return write_page(page, folder / PAGE)
 
 
@@ -95,6 +107,7 @@ def _run(folder: Path) -> Run:
         str((trial.get("testbed") or {}).get("kind", "")),
         _OPERATOR[changes if changes is None else bool(changes)],
         run_summary(metrics, {}, trial.get("goal_tolerance", Trial.goal_tolerance), changes or 0),
+        *read_notes(folder),
         {
             key: _largest(metrics.get(key), joints if key == _SETTLING_TIME else ())
             for key in FIGURES

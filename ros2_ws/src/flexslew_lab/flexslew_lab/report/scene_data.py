@@ -53,6 +53,7 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
         "time": _rounded(run.frame_time, 3),
         "joints": _rounded(_joints(model, position), 5),
         "joint_names": list(run.joint_names),
+        "joint_units": list(run.joint_units),
         "modes": _rounded(position[:, leading:], 6),
         "poses": [_rounded(pose, 5) for pose in pose_rows],
         "turntable": has_base,

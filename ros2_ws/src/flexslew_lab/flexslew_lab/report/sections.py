@@ -29,7 +29,9 @@ class Table(NamedTuple):
 Section: TypeAlias = Text | Table | Group
 
 
-def page_of_sections(kind: str, title: str, description: str, sections: Iterable[Section]) -> str:
+def page_of_sections(
+    kind: str, title: str, description: str, sections: Iterable[Section], verdict: str = ""
+) -> str:
     """Return a page with all sections that have content.
 
     Args:
@@ -37,9 +39,11 @@ def page_of_sections(kind: str, title: str, description: str, sections: Iterable
         title: at its top.
         description: what it shows.
         sections: in their order.
+        verdict: the result in a sentence or two, above all else.
     """
     visible = [section for section in sections if _has_content(section)]
-    return render("sections.html.j2", kind=kind, title=title, about=description, sections=visible)
+    return render("sections.html.j2", kind=kind, title=title, about=description, sections=visible,
+                  verdict=verdict)  # fmt: skip
 
 
 def _has_content(section: Section) -> bool:

@@ -1,9 +1,12 @@
-"""The verdict on a run in one sentence, made of the fields of its metrics."""
+"""The verdict on a run or a plan in one sentence, made of its numbers."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
+from flexslew_control.plan import Plan
 from flexslew_lab.metrics.goal import goal_error_message, with_unit
 from flexslew_lab.metrics.keep_out import cone_violations
 from flexslew_plant.counted import count_text
@@ -42,16 +45,45 @@ def run_summary(
     return "; ".join(part for part in parts if part)
 
 
+def plan_verdict(plan: Plan, limits: Sequence[float]) -> str:
+    """Return what a plan is expected to do, and how much of the drives it takes.
+
+    Args:
+        plan: with its summary.
+        limits: of the drives, one per joint [N m or N].
+    """
+    summary = plan.summary
+    tip = summary.get("predicted_residual_tip_deflection")
+    peak = np.abs(plan.effort).max(axis=0, initial=0.0)
+    shares = dict(zip(plan.joint_names, (peak / np.asarray(limits)).tolist(), strict=True))
+    most = max(shares, key=lambda name: shares[name])
+    parts = (
+        "the planner has not converged" if summary.get("converged") is False else "",
+        "" if tip is None else f"predicted tip deflection after the manoeuvre: {tip:.3g} m",
+        f"{plan.duration:.4g} s long" if plan.duration else "a step",
+        f"at most {100.0 * shares[most]:.3g} % of the limit of {most}"
+        if shares[most]
+        else "no feedforward",
+        planned_on(summary),
+    )
+    return "; ".join(part for part in parts if part)
+
+
+def planned_on(summary: Any) -> str:
+    """Return in what the plan's model differs from what it is flown on; empty: in nothing."""
+    words = summary.get("believes", "") if isinstance(summary, Mapping) else ""
+    return f"planned on a model with {words}" if words else ""
+
+
 def joints_to_move(metrics: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the joints with a commanded move, worst residual first; all where none has one.
+    """Return the joints with a commanded move, in the bench's order; all where none has one.
 
     Args:
         metrics: content of metrics.json: the overshoot is null for a joint that has no move.
     """
     overshoot = metrics.get("overshoot") or {}
-    errors = metrics.get("residual_attitude_error") or {}
-    joints = [name for name, value in overshoot.items() if value is not None] or list(overshoot)
-    return tuple(sorted(joints, key=lambda name: -abs(errors.get(name) or 0.0)))
+    moved = tuple(name for name, value in overshoot.items() if value is not None)
+    return moved or tuple(overshoot)
 
 
 def _vibration(metrics: Mapping[str, Any], bare: Mapping[str, Any]) -> str:

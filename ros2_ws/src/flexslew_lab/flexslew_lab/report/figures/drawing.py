@@ -96,10 +96,10 @@ def end_of(run: RunData) -> float:
 
 
 def joints_of(runs: Sequence[RunData]) -> list[tuple[str, str]]:
-    """Return name and unit of the joints with a commanded move in any run, worst first."""
+    """Return name and unit of the joints with a commanded move in any run, in the bench's order."""
     units = {name: unit for run in runs for name, unit in run.units.items()}
-    active_joints = dict.fromkeys(name for run in runs for name in joints_to_move(run.metrics))
-    return [(name, units[name]) for name in active_joints if name in units] or list(units.items())
+    active = {name for run in runs for name in joints_to_move(run.metrics)}
+    return [(name, units[name]) for name in units if name in active] or list(units.items())
 
 
 def excluded_joints(runs: Sequence[RunData]) -> str:

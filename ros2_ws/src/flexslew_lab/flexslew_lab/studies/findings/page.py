@@ -13,6 +13,7 @@ from flexslew_lab.studies.findings.tables import (
     metric_tables,
     missing_words,
     pair_rows,
+    study_verdict,
     total_rows,
 )
 from flexslew_lab.studies.store import Store
@@ -28,12 +29,13 @@ def study_page(study: Study, store: Store, found: dict[str, Any]) -> str:
     """Return the page of one study: its criteria, its results, its worst trials."""
     sampling = found["sampling"]
     description = (
-        f"{found['trials']} of {found['planned']} trials, {found['failed']} failed · "
+        f"{found['trials']} of {found['planned']} trials · "
         f"{sampling['method']} · bounds from: {sampling['bounds']} · {study.source}, "
         f"{study.trial_source}"
     )
     sections = _study_sections(study, store, found)
-    return page_of_sections("study", study.settings.study, description, sections)
+    words = study_verdict(found)
+    return page_of_sections("study", study.settings.study, description, sections, words)
 
 
 def _study_sections(study: Study, store: Store, found: dict[str, Any]) -> Iterator[Section]:
@@ -201,9 +203,7 @@ def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any
     ]
     header = ("study", "metric", "variant", "kept to", "lower bound", "")
     description = "; ".join(
-        f"{called}: {count_text(one['trials'], 'trial')}, {one['failed']} failed, "
-        f"{'' if one['complete'] else 'incomplete, '}"
-        f"{one['sampling']['method']}"
+        f"{called}: {count_text(one['trials'], 'trial')}, {one['sampling']['method']}"
         for called, one in zip(studies, found, strict=True)
     )
     sections: list[Section] = [
@@ -217,7 +217,10 @@ def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any
             for label, values in figures.columns(study, store, name).items()
         }
         sections.append(figures.distributions(each, name, found[0]["metrics"][name]["unit"]))
-    return page_of_sections("study", " and ".join(studies), description, sections)
+    words = "; ".join(
+        f"{called}: {study_verdict(one)}" for called, one in zip(studies, found, strict=True)
+    )
+    return page_of_sections("study", " and ".join(studies), description, sections, words)
 
 
 def _worst_value(entry: dict[str, Any]) -> str:

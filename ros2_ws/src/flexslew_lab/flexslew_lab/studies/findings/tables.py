@@ -3,7 +3,9 @@
 from typing import Any, NamedTuple
 
 from flexslew_lab.short_values import short
+from flexslew_lab.studies.findings.criteria import Decision
 from flexslew_lab.studies.findings.summary import QUANTILES
+from flexslew_plant.counted import count_text
 
 _DIGITS = 3
 QUANTILE_NAMES = ("median", *(f"{100 * q:g} %" for q in QUANTILES[1:]))
@@ -83,6 +85,22 @@ def criterion_words(row: dict[str, Any]) -> str:
         f"surely, at most {row['upper_bound']:.5f}, required {row['probability']:g}; this many "
         f"failures need {row['needed']} trials"
     )
+
+
+def study_verdict(found: dict[str, Any]) -> str:
+    """Return what a study decides, in a sentence; the worst criterion is stated in full.
+
+    Args:
+        found: see summary.
+    """
+    rows = {d: [r for r in found["criteria"] if r["verdict"] == d.value] for d in Decision}
+    counts = ", ".join(f"{len(some)} {d.value}" for d, some in rows.items() if some)
+    total = count_text(len(found["criteria"]), "criterion", "criteria")
+    parts = ["" if found["complete"] else "incomplete", f"{total}: {counts}" if counts else ""]
+    worst = (*rows[Decision.REJECTED], *rows[Decision.UNKNOWN])[:1]
+    parts.extend(f"{row['verdict']}: {criterion_words(row)}" for row in worst)
+    parts.append(f"{found['failed']} of {count_text(found['trials'], 'trial')} failed")
+    return "; ".join(part for part in parts if part)
 
 
 def bounded(bounds: list[float | None]) -> str:
