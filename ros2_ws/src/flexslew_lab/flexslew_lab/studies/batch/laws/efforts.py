@@ -21,13 +21,11 @@ from flexslew_lab.studies.batch.laws.observers import add_products
 from flexslew_lab.studies.batch.laws.turned import RotationJoints
 from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled, put, vectorised
 from flexslew_plant.hardware.motor_step import (
-    first_order_effort,
-    first_order_slew_effort,
-    round_effort,
-    slew_limited_torque,
+    Motor,
+    MotorMemory,
+    motor_step,
     speed_limited_effort,
 )
-from flexslew_plant.hardware.motor_step import pulse_effort as pulsed_effort
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH, member_rows, skip
 
 
@@ -275,19 +273,36 @@ def _allocate(rows: Rows, sizes: Sizes) -> Callable[..., None]:
 def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what a drive makes of a demand; see motor_step."""
     effort, limit, least, member_demand = rows.applied, rows.limit, rows.least, rows.own
-    has_pulse, pulse, residual_impulse = sizes.has_pulse, rows.pulse, rows.residual_impulse
-    motor_response, discrete_effort, flags = (
-        _motor_dynamics(rows, sizes),
-        sizes.discrete_effort,
-        rows.doubt,
-    )
-    quantum = rows.motor
-    per_member, apply_faults, set_effort = (
-        sizes.per_member,
-        requested_effort_faults(rows, sizes),
-        motor_faults(rows, sizes),
-    )
-    spin, stored_count = _spin(rows, sizes), BATCH_WIDTH * sizes.needs_previous
+    owed, ramp, torque = rows.residual_impulse, rows.ramp, rows.torque
+    pulse, flags = rows.pulse, rows.doubt
+    quantum, rate, lag, rise, mean_rise = (rows.motor + k * BATCH_WIDTH for k in range(5))
+    has_pulse, discrete_effort = sizes.has_pulse, sizes.discrete_effort
+    has_slew_rate, lagged = sizes.has_slew_rate, sizes.lagged
+    per_member, stored_count = sizes.per_member, BATCH_WIDTH * sizes.needs_previous
+    apply_faults, set_effort = requested_effort_faults(rows, sizes), motor_faults(rows, sizes)
+    spin = _spin(rows, sizes)
+
+    @vectorised
+    def move_motor(i: int, dt: float, w: Vector) -> None:
+        for member in range(BATCH_WIDTH):  # all conditions but the margin's are of the compiler
+            at = i * BATCH_WIDTH + member
+            motor = Motor(
+                w[limit + at],
+                w[least + at],
+                w[pulse + at] if has_pulse else 0.0,
+                w[quantum + member] if discrete_effort else 0.0,
+                w[rate + member] if has_slew_rate else 0.0,
+                w[lag + member] if lagged else 0.0,
+                w[rise + member],
+                w[mean_rise + member],
+                dt,
+            )
+            memory = MotorMemory(w[owed + at], w[ramp + at], w[torque + at])
+            w[effort + at], memory, margin = motor_step(motor, memory, w[effort + at])
+            w[owed + at], w[ramp + at], w[torque + at] = memory
+            if discrete_effort or has_pulse:
+                near = margin < GUARD * w[limit + at]
+                w[flags + member] = 1.0 if near else w[flags + member]
 
     @vectorised
     def add_disturbance(k: int, i: int, disturbances: Disturbances, w: Vector) -> None:
@@ -304,27 +319,7 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
         for at in range(i * BATCH_WIDTH, i * BATCH_WIDTH + stored_count):
             w[member_demand + at] = min(max(w[effort + at], -w[limit + at]), w[limit + at])
         apply_faults(k, i, disturbances.faults, w, filled)
-        for at in range(i * BATCH_WIDTH, (i + 1) * BATCH_WIDTH):
-            applied = min(max(w[effort + at], w[least + at]), w[limit + at])
-            member = at - i * BATCH_WIDTH
-            if discrete_effort and w[quantum + member] > 0.0:
-                bounds = w[least + at], w[limit + at]
-                applied, margin = round_effort(applied, *bounds, w[quantum + member])
-                w[flags + member] = 1.0 if margin < GUARD * bounds[1] else w[flags + member]
-            if has_pulse:
-                minimum_impulse, most = w[pulse + at], w[limit + at]
-                near = (
-                    abs(abs(applied * dt + w[residual_impulse + at]) - minimum_impulse)
-                    < GUARD * most * dt
-                )
-                w[flags + member] = 1.0 if near and minimum_impulse > 0.0 else w[flags + member]
-                given, remainder = pulsed_effort(
-                    applied, w[residual_impulse + at], most, minimum_impulse, dt
-                )
-                w[residual_impulse + at] = remainder if minimum_impulse > 0.0 else 0.0
-                applied = given if minimum_impulse > 0.0 else applied
-            w[effort + at] = applied
-        motor_response(i, dt, w)
+        move_motor(i, dt, w)
         set_effort(k, i, disturbances.faults, w, filled)
         spin(i, w)
         add_disturbance(k, i, disturbances, w)
@@ -348,30 +343,3 @@ def _spin(rows: Rows, sizes: Sizes) -> Callable[..., None]:
             )
 
     return limit_speed if wheel_rates else skip
-
-
-def _motor_dynamics(rows: Rows, sizes: Sizes) -> Callable[..., None]:
-    """Return what a motor's slew rate and lag make of an effort; see motor_step."""
-    effort, start, torque = rows.applied, rows.ramp, rows.torque
-    has_slew_rate, lagged = sizes.has_slew_rate, sizes.lagged
-    _, rate_of, lag_of, rise_of, mean_of = (rows.motor + k * BATCH_WIDTH for k in range(5))
-
-    @vectorised
-    def motor_response(i: int, dt: float, w: Vector) -> None:
-        if has_slew_rate:  # known to the compiler, as the other one
-            for member in range(BATCH_WIDTH):
-                at, before = i * BATCH_WIDTH + member, w[start + i * BATCH_WIDTH + member]
-                ramp = slew_limited_torque(w[effort + at], before, w[rate_of + member], dt)
-                w[effort + at], w[start + at] = ramp[0], ramp[1]
-                if lagged:
-                    w[effort + at], w[torque + at] = first_order_slew_effort(
-                        ramp, before, w[torque + at], w[lag_of + member], dt
-                    )
-        elif lagged:
-            for member in range(BATCH_WIDTH):
-                at = i * BATCH_WIDTH + member
-                w[effort + at], w[torque + at] = first_order_effort(
-                    w[effort + at], w[torque + at], w[rise_of + member], w[mean_of + member]
-                )
-
-    return cast(Callable[..., None], motor_response)
