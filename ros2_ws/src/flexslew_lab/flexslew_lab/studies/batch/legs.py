@@ -170,7 +170,7 @@ class BatchFlight:
         )
         first, sizes, observer = self._members[0], self._sizes[self._next], self._observer
         w[rows.kp : rows.tip] = gains.T.ravel()
-        limit = np.minimum(law.laws[0].limit, np.finfo(float).max)
+        limit = np.minimum(law.laws[0].integration.limit, np.finfo(float).max)
         w[rows.law_limit : rows.limit] = np.repeat(limit, BATCH_WIDTH)
         since = segment.first if self._next else -1
         position, velocity = self._positions, self._schedule.velocity
