@@ -27,7 +27,7 @@ from flexslew_lab.studies.batch.inputs import (
     wheel_rates_of,
 )
 from flexslew_lab.studies.batch.laws.beginning import Beginning, beginning
-from flexslew_lab.studies.batch.laws.efforts import LawTerms
+from flexslew_lab.studies.batch.laws.efforts import FlightNumbers, LawTerms
 from flexslew_lab.studies.batch.laws.observers import combine_observer
 from flexslew_lab.studies.batch.laws.turned import rotation_joints_of
 from flexslew_lab.studies.batch.laws.watch import Watch
@@ -180,32 +180,32 @@ class BatchFlight:
                 segment.form.shared.velocity,
             )
         numbers = numbers_of(law, position, velocity, since, segment.transition_ticks)
-        attitude, instruments = first.model.attitude, self._instruments
-        kinds = self._recorded, attitude is not None, instruments is not None, filter_of(law)
-        terms = LawTerms.of(numbers)
         loop = batch_loop(
-            first.kernel, sizes, terms, observer.observe, self._push, self._move, *kinds
+            first.kernel,
+            sizes,
+            LawTerms.of(numbers),
+            observer.observe,
+            self._push,
+            self._move,
+            filter_of(law),
         )
-        self._loop: Callable[..., None] = partial(
-            loop,
-            w,
+        flight = FlightNumbers(
             first.trial.period,
             first.steps,
+            self._filled,
             self._schedule,
             self._disturbances,
             numbers,
             self._errors.noise,
             self._sensor_check,
             segment.watch,
-            rotation_joints_of(attitude, first.model.joints),
-            instruments and instruments.sensor_data,
+            rotation_joints_of(first.model.attitude, first.model.joints),
+            self._instruments and self._instruments.sensor_data,
             self._external_forces,
             self._friction,
             observer.constants,
-            observer.z,
-            observer.memory,
-            self._filled,
         )
+        self._loop: Callable[..., None] = partial(loop, flight, w, observer.z, observer.memory)
         self._next += 1
 
     def _segment_sizes(self) -> list[Sizes]:
@@ -237,6 +237,9 @@ class BatchFlight:
                 self._disturbances.faults is not None,
                 self._disturbances.disturbance.shape[2] > 1,
                 wheel_rates,
+                self._recorded,
+                model.attitude is not None,
+                self._instruments is not None,
             )
             for k, segment in enumerate(self._segments)
         ]
