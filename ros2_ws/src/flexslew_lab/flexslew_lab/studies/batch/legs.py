@@ -26,9 +26,8 @@ from flexslew_lab.studies.batch.inputs import (
     tips_measured,
     wheel_rates_of,
 )
-from flexslew_lab.studies.batch.laws.beginning import Beginning, beginning
+from flexslew_lab.studies.batch.laws.beginning import beginning, combined
 from flexslew_lab.studies.batch.laws.efforts import FlightNumbers, LawTerms
-from flexslew_lab.studies.batch.laws.observers import combine_observer
 from flexslew_lab.studies.batch.laws.turned import rotation_joints_of
 from flexslew_lab.studies.batch.laws.watch import Watch
 from flexslew_lab.studies.batch.loop import Schedule, batch_loop
@@ -88,7 +87,7 @@ class BatchFlight:
                 zip(names, self._segments, laws, strict=True), key=itemgetter(0)
             )
         }
-        self._observer = reduce(_in_sequence, found.values())
+        self._observer = reduce(combined, found.values())
         self._start_ticks = {name: one.started for name, one in found.items()}
         self._charge = first.happens.charge
         if len(found) > 1:
@@ -267,16 +266,6 @@ class BatchFlight:
             w[rows.tip_rate : rows.end] = np.repeat(appendages.rate, BATCH_WIDTH)
         w[rows.outside : rows.terminal] = -np.inf
         return w
-
-
-def _in_sequence(first: Beginning, then: Beginning) -> Beginning:
-    """Return two observers as one."""
-    return Beginning(
-        combine_observer(first.observe, first.z.size, first.memory.size, then.observe),
-        (first.constants, then.constants),
-        np.concatenate((first.z, then.z)),
-        np.concatenate((first.memory, then.memory)),
-    )
 
 
 def _expand_law(law: LawForm, first: int, states: int) -> LawForm:
