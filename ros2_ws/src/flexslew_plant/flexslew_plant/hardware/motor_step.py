@@ -141,7 +141,6 @@ def first_order_slew_effort(
     return mean - lag / period * (z - initial_torque), z
 
 
-@called
 def first_order_effort(
     demand: float, initial_torque: float, rise: float, mean_rise: float
 ) -> tuple[float, float]:
@@ -155,6 +154,9 @@ def first_order_effort(
     """
     gap = demand - initial_torque
     return initial_torque + mean_rise * gap, initial_torque + rise * gap
+
+
+_first_order_effort = called(first_order_effort)
 
 
 @called
@@ -200,7 +202,7 @@ def motor_step(n: Motor, memory: MotorMemory, demand: float) -> tuple[float, Mot
         if n.lag > 0.0:
             effort, torque = first_order_slew_effort(slew_response, start, torque, n.lag, n.period)
     elif n.lag > 0.0:
-        effort, torque = first_order_effort(effort, torque, n.rise, n.mean_rise)
+        effort, torque = _first_order_effort(effort, torque, n.rise, n.mean_rise)
     return effort, MotorMemory(owed, ramp, torque), margin
 
 
