@@ -53,7 +53,8 @@ def on_model(kernels: Kernels, before: int, n: int, sizes: MemberSizes) -> Obser
         gains = SurfaceGains(numbers.surface[row], numbers.reaching[row], numbers.innovation[row])
         packed, error = numbers.packed[row], x - numbers.nominal[row, tick]
         drift = derivative(packed, x, zero_effort)
-        inverse = np.linalg.inv(gains.surface @ jacobian(packed, x, zero_effort, 0.0)[1])
+        inverse = np.empty((efforts, efforts))
+        inverse[:] = np.linalg.inv(gains.surface @ jacobian(packed, x, zero_effort, 0.0)[1])
         terms = terms_of(gains, inverse, numbers.slope[row, tick], drift, innovation, error)
         for i in range(efforts):
             out[i] = terms[0][i] + terms[1][i] + terms[2][i] + terms[3][i]
