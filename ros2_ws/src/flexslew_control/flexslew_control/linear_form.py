@@ -126,6 +126,19 @@ class SmallMotionForm(NamedTuple):
     behind: LinearObserver
 
 
+class Integration(NamedTuple):
+    """The integral s of a law, and the limit against which it stops."""
+
+    integral: bool  # whether there is s
+    tracking_rate: float  # 1 / T_t [1/s]
+    limit: Vector  # of the law itself, (m,); inf: none
+
+
+def no_integral(m: int) -> Integration:
+    """Return that of a law without an integral."""
+    return Integration(False, 0.0, np.full(m, np.inf))
+
+
 class LawForm(NamedTuple):
     """The matrices of the equations above; K, H and G may have an axis for ticks in front."""
 
@@ -137,9 +150,7 @@ class LawForm(NamedTuple):
     to_integral: Matrix  # G, (m, k)
     demand: Matrix  # f, (ticks, m)
     integrand: Matrix  # g, (ticks, m)
-    integral: bool  # whether there is s
-    tracking_rate: float  # 1 / T_t [1/s]
-    limit: Vector  # of the law itself, (m,); inf: none
+    integration: Integration
     quadratic: Matrix = np.zeros((0, 0))  # Q, (m, m m); empty: none
 
     @property
@@ -171,44 +182,21 @@ class LinearForm(NamedTuple):
     flexible: FlexibleForm | None = None  # what it estimates besides attitude and bias
 
 
-class Integration(NamedTuple):
-    """The integral s of a law, and the limit against which it stops."""
-
-    integral: bool
-    tracking_rate: float  # 1 / T_t [1/s]
-    limit: Vector  # (m,)
-
-
-def no_integral(m: int) -> Integration:
-    """Return that of a law without an integral."""
-    return Integration(False, 0.0, np.full(m, np.inf))
-
-
 def collocated_form(
     kp: Vector, ki: Vector, kd: Vector, demand: Matrix, integration: Integration
 ) -> LinearForm:
     """Return a law on the measured joints alone, with the plan's efforts for f."""
     m = kp.size
-    none = np.zeros((m, 0))
-    form = LawForm(
-        kp,
-        ki,
-        kd,
-        none,
-        np.zeros((m, 2 * m)),
-        none,
-        demand,
-        0.0 * demand,
-        **integration._asdict(),
-    )
-    return LinearForm(form, no_observer(2 * m, m))
+    state, output = np.zeros((m, 0)), np.zeros((m, 2 * m))
+    form = observed_form(state, output, demand, no_observer(2 * m, m), (kp, kd))
+    return form._replace(law=form.law._replace(ki=ki, integration=integration))
 
 
 def observed_form(
     from_state: Matrix,
     from_output: Matrix,
     demand: Matrix,
-    observer: LinearObserver | SmallMotionForm | OnModelForm,
+    observer: Observer,
     gains: tuple[Vector, Vector] | None = None,
 ) -> LinearForm:
     """Return a law on an observer's state and on the readings, without an integral of its own.
@@ -222,12 +210,9 @@ def observed_form(
     """
     m = demand.shape[1]
     kp, kd = gains or (np.zeros(m), np.zeros(m))
-    none = np.zeros((m, from_state.shape[-1]))
-    law = LawForm(
-        kp, np.zeros(m), kd, from_state, from_output, none, demand, 0.0 * demand,
-        **no_integral(m)._asdict(),
-    )  # fmt: skip
-    return LinearForm(law, observer)
+    unused, none = np.zeros((m, from_state.shape[-1])), np.zeros(m)
+    numbers = from_state, from_output, unused, demand, 0.0 * demand, no_integral(m)
+    return LinearForm(LawForm(kp, none, kd, *numbers), observer)
 
 
 def no_observer(outputs: int, m: int) -> LinearObserver:
@@ -255,20 +240,18 @@ def nominal_form(
     n, m, outputs = model.coordinates, model.joints, len(estimator.matrices.c)
     nominal = nominal_states(model, references)
     demand = np.array([r.effort for r in references])
-    to_integral, none = np.zeros((m, 2 * n + m + outputs)), np.zeros(m)
+    to_integral = np.zeros((m, 2 * n + m + outputs))
     to_integral[:, :n] = -gains.ki
-    form = LawForm(
-        none,
-        none,
-        none,
-        np.hstack((-gains.gain, -gains.cancel, np.zeros((m, outputs)))),
-        np.zeros((m, outputs)),
-        to_integral,
+    no_output = np.zeros((m, outputs))
+    form = observed_form(
+        np.hstack((-gains.gain, -gains.cancel, no_output)),
+        no_output,
         demand + nominal @ gains.gain.T,
-        nominal[:, :n] @ gains.ki.T,
-        **integration._asdict(),
+        kalman_form(estimator, len(references)),
     )
-    return LinearForm(form, kalman_form(estimator, len(references)))
+    integrand = nominal[:, :n] @ gains.ki.T
+    law = form.law._replace(integrand=integrand, integration=integration)
+    return form._replace(law=law._replace(to_integral=to_integral))
 
 
 def kalman_form(estimator: KalmanFilter, ticks: int) -> GainFilter | KalmanForm:

@@ -26,6 +26,7 @@ configure_compiler()
 # `vectorised`, the products would be fused with sums from then on, on disk, too.
 _STRICT: dict[str, Any] = {"error_model": "numpy", "fastmath": False}
 
+Number = TypeVar("Number", float, Vector)  # of one joint, or of all: a step takes either
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _Array = TypeVar("_Array", bound=NDArray[Any])
 

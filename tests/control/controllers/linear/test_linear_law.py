@@ -212,7 +212,8 @@ def test_its_form_for_batches_gives_its_own_efforts() -> None:
             )
         before = y
         demand = form.law.demand[k] + form.law.from_state @ z + form.law.from_output @ y
-        effort = np.clip(demand, -form.law.limit, form.law.limit)
+        limit = form.law.integration.limit
+        effort = np.clip(demand, -limit, limit)
         np.testing.assert_allclose(it.law.update(measurement, None, reference), effort, atol=1e-9)
 
 

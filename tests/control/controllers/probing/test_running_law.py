@@ -64,7 +64,7 @@ def formula(found: LinearForm, stationary: Any, inputs: np.ndarray, m: int, peri
             seen, y_before, before = z, y, True
         q, v = w[:m], w[m : 2 * m]
         out.append(-law.kp * q - law.kd * v + law.from_state @ seen + law.from_output @ y + s)
-        if law.integral:
+        if law.integration.integral:
             s = s + period * (-law.ki * q + law.to_integral @ seen)
     return np.array(out)
 

@@ -12,6 +12,7 @@ from flexslew_control.free_platform import rate_outputs
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.hardware.actuator import IDEAL, ActuatorSettings, motor_numbers
 from flexslew_plant.hardware.friction import coefficients
+from flexslew_plant.hardware.motor_step import first_order_effort
 from flexslew_plant.testbeds.compiled.dynamics import (
     STAGE_TIMES,
     STAGE_WEIGHTS,
@@ -116,13 +117,15 @@ def motors(path: PlantPath, efforts: tuple[str, ...]) -> Lti:
         shift, entry, block_diag(*out), np.diag(direct), efforts, efforts, names, path.period
     )
     values = motor_numbers(path.actuator, np.ones(m), path.period)
-    rise, mean = values.rise, values.mean_rise
+    (mean, rise), (mean_left, left) = (
+        first_order_effort(demand, torque, values.rise, values.mean_rise)
+        for demand, torque in ((1.0, 0.0), (0.0, 1.0))
+    )
     if rise == mean == 1.0:
         return queue
     names = tuple(f"{name}.motor" for name in efforts)
     lag = Lti(
-        (1.0 - rise) * eye, rise * eye, (1.0 - mean) * eye, mean * eye, efforts, efforts, names,
-        path.period,
+        left * eye, rise * eye, mean_left * eye, mean * eye, efforts, efforts, names, path.period
     )  # fmt: skip
     return series(queue, lag)
 

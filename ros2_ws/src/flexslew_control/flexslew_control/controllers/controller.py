@@ -21,7 +21,7 @@ from flexslew_control.law import (
     read_only_estimate,
 )
 from flexslew_control.plan import Plan
-from flexslew_plant.arrays import EMPTY, Vector, read_only, read_only_view
+from flexslew_plant.arrays import EMPTY, Number, Vector, read_only, read_only_view
 from flexslew_plant.events import EstimateInconsistent, EstimateStarted, Event, Fact, event_of
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.refusal import Cause, Refusal
@@ -40,6 +40,17 @@ class Answer(NamedTuple):
     terms: dict[str, Vector]
     reference_orientation: Vector = EMPTY  # quaternion x y z w, (4,); empty: no attitude
     estimate_orientation: Vector = EMPTY  # the same of the estimate
+
+
+def handover_effort(offset: Number, passed: int, ticks: int) -> Number:
+    """Return what a controller adds after a handover: the offset, which goes to zero in `ticks`.
+
+    Args:
+        offset: the effort that was applied less its own, at the handover [N m or N].
+        passed: ticks since then.
+        ticks: of the whole handover.
+    """
+    return (1.0 - passed / ticks) * offset
 
 
 class Controller:
@@ -373,9 +384,8 @@ class Controller:
         terms = self._law.terms
         passed = measurement.tick - self._handover_tick
         if passed < self._handover_ticks and self._offset.any():
-            handover_effort = (1.0 - passed / self._handover_ticks) * self._offset
-            effort = effort + handover_effort
-            terms = {**terms, "handover": handover_effort}
+            blended = handover_effort(self._offset, passed, self._handover_ticks)
+            effort, terms = effort + blended, {**terms, "handover": blended}
         command = EffortCommand(
             measurement.tick, measurement.epoch, self.name, read_only_view(effort)
         )

@@ -56,7 +56,7 @@ def rotation_form(
     form = observed_form(of_state, of_reading, demand, observer)
     if integral is None:
         return form
-    return form._replace(law=form.law._replace(**integral.integration._asdict()))
+    return form._replace(law=form.law._replace(integration=integral.integration))
 
 
 def _each(matrices: Tensor, vectors: Tensor) -> Tensor:

@@ -12,7 +12,6 @@ from flexslew_plant.arrays import Matrix, Vector, called, compiled_once
 from flexslew_plant.hardware.sensor_step import nearest_multiple
 
 WHOLE = 1.0 + 1e-12  # 0.3 / 0.1 is less than 3: a quotient but for rounding
-IMPULSE_ROW, SLEW_ROW, TORQUE_ROW = range(3)  # rows of the memory
 
 
 class MotorNumbers(NamedTuple):
@@ -27,6 +26,31 @@ class MotorNumbers(NamedTuple):
     rise: float  # part of a step that the torque has gone at the end of a tick [-]
     mean_rise: float  # the same in the mean over the tick [-]
     period: float  # one tick [s]
+
+
+class Motor(NamedTuple):
+    """The constants of one motor; see MotorNumbers."""
+
+    limit: float
+    least: float
+    impulse: float
+    quantum: float
+    slew_rate: float
+    lag: float
+    rise: float
+    mean_rise: float
+    period: float
+
+
+class MotorMemory(NamedTuple):
+    """What a motor keeps from one tick to the next."""
+
+    owed: float  # impulse that a thruster owes [N m s or N s]
+    ramp: float  # torque at the end of the ramp [N m or N]
+    torque: float  # the same behind the lag [N m or N]
+
+
+SLEW_ROW, TORQUE_ROW = 1, 2  # of the memory of all motors
 
 
 @called
@@ -104,7 +128,7 @@ def first_order_slew_effort(
     e^(-t/lag). The integral of z is that of u less lag times the change of z.
 
     Args:
-        slew_response: what `ramped` returns.
+        slew_response: what slew_limited_torque returns.
         start: u_0 [N m or N].
         initial_torque: z_0 [N m or N].
         lag: [s].
@@ -117,7 +141,6 @@ def first_order_slew_effort(
     return mean - lag / period * (z - initial_torque), z
 
 
-@called
 def first_order_effort(
     demand: float, initial_torque: float, rise: float, mean_rise: float
 ) -> tuple[float, float]:
@@ -131,6 +154,9 @@ def first_order_effort(
     """
     gap = demand - initial_torque
     return initial_torque + mean_rise * gap, initial_torque + rise * gap
+
+
+_first_order_effort = called(first_order_effort)
 
 
 @called
@@ -154,6 +180,32 @@ def speed_limited_effort(effort: float, speed: float, share: float, max_speed: f
     return min(max(effort, least), most)
 
 
+@called
+def motor_step(n: Motor, memory: MotorMemory, demand: float) -> tuple[float, MotorMemory, float]:
+    """Return the mean effort of a motor over a tick, its memory, and the margin of the effort.
+
+    The demand passes the limits, the quantum, the pulses, the slew rate and the lag, one after
+    another. The margin is the distance to the edge at which the effort is another quantum, or a
+    pulse comes or goes; infinite where there are neither [N m or N].
+    """
+    owed, ramp, torque = memory
+    effort, margin = min(max(demand, n.least), n.limit), np.inf
+    if n.quantum > 0.0:
+        effort, margin = round_effort(effort, n.least, n.limit, n.quantum)
+    if n.impulse > 0.0:
+        requested = abs(effort * n.period + owed)
+        margin = min(margin, abs(requested - n.impulse) / n.period)
+        effort, owed = pulse_effort(effort, owed, n.limit, n.impulse, n.period)
+    if n.slew_rate > 0.0:
+        slew_response = slew_limited_torque(effort, ramp, n.slew_rate, n.period)
+        start, effort, ramp = ramp, slew_response[0], slew_response[1]
+        if n.lag > 0.0:
+            effort, torque = first_order_slew_effort(slew_response, start, torque, n.lag, n.period)
+    elif n.lag > 0.0:
+        effort, torque = _first_order_effort(effort, torque, n.rise, n.mean_rise)
+    return effort, MotorMemory(owed, ramp, torque), margin
+
+
 @compiled_once("memory", "out")
 def drive_motors(n: MotorNumbers, demand: Vector, memory: Matrix, out: Vector) -> bool:
     """Write the mean efforts of a tick; return whether a demand was beyond a limit.
@@ -161,30 +213,16 @@ def drive_motors(n: MotorNumbers, demand: Vector, memory: Matrix, out: Vector) -
     Args:
         n: constants.
         demand: shape (motors,) [N m or N].
-        memory: what is owed, u and z of all motors, shape (3, motors); advanced by a tick.
+        memory: MotorMemory of all motors, shape (3, motors); advanced by a tick.
         out: shape (motors,) [N m or N].
     """
     saturated = False
+    _, _, _, quantum, slew_rate, lag, rise, mean_rise, period = n
     for i in range(out.size):
-        effort = min(max(demand[i], n.least[i]), n.limit[i])
-        saturated = saturated or effort != demand[i]
-        if n.quantum > 0.0:
-            effort, _ = round_effort(effort, n.least[i], n.limit[i], n.quantum)
-        if n.impulse[i] > 0.0:
-            effort, memory[IMPULSE_ROW, i] = pulse_effort(
-                effort, memory[IMPULSE_ROW, i], n.limit[i], n.impulse[i], n.period
-            )
-        if n.slew_rate > 0.0:
-            start = memory[SLEW_ROW, i]
-            slew_response = slew_limited_torque(effort, start, n.slew_rate, n.period)
-            effort, memory[SLEW_ROW, i] = slew_response[0], slew_response[1]
-            if n.lag > 0.0:
-                effort, memory[TORQUE_ROW, i] = first_order_slew_effort(
-                    slew_response, start, memory[TORQUE_ROW, i], n.lag, n.period
-                )
-        elif n.lag > 0.0:
-            effort, memory[TORQUE_ROW, i] = first_order_effort(
-                effort, memory[TORQUE_ROW, i], n.rise, n.mean_rise
-            )
-        out[i] = effort
+        limits = n.limit[i], n.least[i], n.impulse[i]
+        motor = Motor(*limits, quantum, slew_rate, lag, rise, mean_rise, period)
+        before = MotorMemory(memory[0, i], memory[1, i], memory[2, i])
+        out[i], after, _ = motor_step(motor, before, demand[i])
+        memory[0, i], memory[1, i], memory[2, i] = after
+        saturated = saturated or not n.least[i] <= demand[i] <= n.limit[i]
     return saturated

@@ -9,7 +9,7 @@ import numpy as np
 from flexslew_control.controllers.by_joint.gyroscopic import Gyroscopic
 from flexslew_control.law import Estimate, Reference
 from flexslew_control.linear_form import Integration
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Number, Vector
 from flexslew_plant.measurement import Measurement
 
 
@@ -24,9 +24,31 @@ class Action(NamedTuple):
 Deviation: TypeAlias = Callable[[Estimate, Reference], Action]
 
 
+def integral_step(
+    demand: Number,
+    integral: Number,
+    integrand: Number,
+    limit: Number,
+    tracking_rate: float,
+    period: float,
+) -> tuple[Number, Number]:
+    """Return the effort sat(u) and s a tick later: ds/dt = i + (sat(u) - u) / T_t.
+
+    Args:
+        demand: u, with s in it [N m or N].
+        integral: s [N m or N].
+        integrand: i [N m/s or N/s].
+        limit: of the effort [N m or N].
+        tracking_rate: 1 / T_t [1/s].
+        period: one tick [s].
+    """
+    effort = np.minimum(np.maximum(demand, -limit), limit)
+    return effort, integral + period * (integrand + tracking_rate * (effort - demand))
+
+
 @dataclass
 class IntegralLaw:
-    """u = u_ff + p + d + s, ds/dt = i + (sat(u) - u) / T_t: back-calculation against windup.
+    """u = u_ff + p + d + s with back-calculation against windup; see integral_step.
 
     Args:
         deviation: gives integrand i, proportional p and derivative d.
@@ -74,7 +96,6 @@ class IntegralLaw:
         if self.turning is not None:
             excess = {"gyroscopic": self._gyroscopic_excess(self.turning, estimate, reference)}
             demand = demand + excess["gyroscopic"]
-        effort = np.clip(demand, -self.limit, self.limit)
         self.terms = {
             "feedforward": reference.effort,
             "proportional": action.proportional,
@@ -82,8 +103,8 @@ class IntegralLaw:
             "integral": self._s,
             **excess,
         }
-        integrand = action.integrand + self._tracking_rate * (effort - demand)
-        self._s = self._s + self.period * integrand
+        back = self.limit, self._tracking_rate, self.period
+        effort, self._s = integral_step(demand, self._s, action.integrand, *back)
         return effort
 
     def _gyroscopic_excess(

@@ -22,7 +22,7 @@ from flexslew_control.law import (
     per_joint,
 )
 from flexslew_control.linear_form import LinearForm, collocated_form, no_integral
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Matrix, Number, Vector
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import PerJoint, section
 
@@ -45,8 +45,16 @@ class PdFeedforwardSettings:
     allocation: Allocation | None = None
 
 
+def pd_step(
+    kp: Number, kd: Number, feedforward: Number, error: Number, rate_error: Number
+) -> tuple[Number, Number, Number]:
+    """Return u = u_ff + Kp e + Kd e' of (12), (13), and its last two terms [N m or N]."""
+    proportional, derivative = kp * error, kd * rate_error
+    return feedforward + proportional + derivative, proportional, derivative
+
+
 class PdFeedforward:
-    """u = u_ff - k (q - q_d) - b (q' - q_d'), and w x J w beyond that of the reference."""
+    """See pd_step, and w x J w beyond that of the reference."""
 
     def __init__(self, kp: Vector, kd: Vector, gyro_torque: Gyroscopic | None = None) -> None:
         self.kp, self.kd, self.turning = kp, kd, gyro_torque
@@ -58,16 +66,17 @@ class PdFeedforward:
         """Nothing to choose: the law has no free state."""
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
-        """Return the torques of (12), (13), shape (joints,) [N m or N]."""
+        """Return the torques, shape (joints,) [N m or N]."""
         n = self.kp.size
-        proportional = self.kp * (reference.position - estimate.position[:n])
-        derivative = self.kd * (reference.velocity - estimate.velocity[:n])
+        error = reference.position - estimate.position[:n]
+        rate_error = reference.velocity - estimate.velocity[:n]
+        terms = pd_step(self.kp, self.kd, reference.effort, error, rate_error)
+        effort, proportional, derivative = terms
         self.terms = {
             "feedforward": reference.effort,
             "proportional": proportional,
             "derivative": derivative,
         }
-        effort: Vector = reference.effort + proportional + derivative
         if self.turning is None:
             return effort
         excess = self.turning.limit_excess(estimate.velocity[:n], reference.velocity)

@@ -22,7 +22,7 @@ from flexslew_control.law import (
     Reference,
 )
 from flexslew_control.linear_design import OperatingPoint
-from flexslew_control.linear_form import LawForm, LinearForm, LinearObserver, no_integral
+from flexslew_control.linear_form import LinearForm, LinearObserver, no_integral, observed_form
 from flexslew_control.shared_keys import DesignModel, TrackingTime
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
@@ -337,13 +337,12 @@ def linear(estimator: Estimator, law: LinearLaw, references: list[Reference]) ->
         feedforward = one.effort if law.feedforward else np.zeros(m)
         demand.append(feedforward + s.c @ x + s.d[:, r] @ w)
         x = a @ x + b[:, r] @ w - law.back @ feedforward
-    none, n = np.zeros(m), len(a)
-    form = LawForm(
-        none, none, none, s.c, s.d[:, y], np.zeros((m, n)), np.array(demand),
-        np.zeros((len(references), m)), **(no_integral(m)._asdict() | {"limit": law.limit}),
-    )  # fmt: skip
+    n = len(a)
     start, no_effort = np.zeros((n, len(y))), np.zeros((n, m))
-    return LinearForm(form, LinearObserver(start, a, no_effort, b[:, y], np.zeros(n), law.back))
+    observer = LinearObserver(start, a, no_effort, b[:, y], np.zeros(n), law.back)
+    form = observed_form(s.c, s.d[:, y], np.array(demand), observer)
+    integration = no_integral(m)._replace(limit=law.limit)
+    return form._replace(law=form.law._replace(integration=integration))
 
 
 LINEAR = LawEntry("linear", LinearSettings, build, linear=linear, from_file=law_from_file)

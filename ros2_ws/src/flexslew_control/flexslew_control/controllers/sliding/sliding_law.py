@@ -22,14 +22,12 @@ from flexslew_control.estimators.rotation_filter import RotationFilter
 from flexslew_control.law import Estimate, Estimator, Reference
 from flexslew_control.linear_form import (
     KalmanForm,
-    LawForm,
     LinearForm,
     LinearObserver,
     OnModelForm,
     SteadyForm,
     SurfaceGains,
     kalman_form,
-    no_integral,
     observed_form,
     surface_terms,
 )
@@ -218,20 +216,7 @@ def sliding_form(
         of_state = of_state - innovation @ system.c
     else:
         return None
-    none, unused = np.zeros(m), np.zeros_like(of_state)
-    integration = no_integral(m)._asdict()
-    form = LawForm(
-        none,
-        none,
-        none,
-        of_state,
-        of_output,
-        unused,
-        demand,
-        0.0 * demand,
-        **integration,
-    )
-    return LinearForm(form, found)
+    return observed_form(of_state, of_output, demand, found)
 
 
 def _on_model(

@@ -26,9 +26,8 @@ from flexslew_lab.studies.batch.inputs import (
     tips_measured,
     wheel_rates_of,
 )
-from flexslew_lab.studies.batch.laws.beginning import Beginning, beginning
-from flexslew_lab.studies.batch.laws.efforts import LawTerms
-from flexslew_lab.studies.batch.laws.observers import combine_observer
+from flexslew_lab.studies.batch.laws.beginning import beginning, combined
+from flexslew_lab.studies.batch.laws.efforts import FlightNumbers, LawTerms
 from flexslew_lab.studies.batch.laws.turned import rotation_joints_of
 from flexslew_lab.studies.batch.laws.watch import Watch
 from flexslew_lab.studies.batch.loop import Schedule, batch_loop
@@ -88,7 +87,7 @@ class BatchFlight:
                 zip(names, self._segments, laws, strict=True), key=itemgetter(0)
             )
         }
-        self._observer = reduce(_in_sequence, found.values())
+        self._observer = reduce(combined, found.values())
         self._start_ticks = {name: one.started for name, one in found.items()}
         self._charge = first.happens.charge
         if len(found) > 1:
@@ -170,7 +169,7 @@ class BatchFlight:
         )
         first, sizes, observer = self._members[0], self._sizes[self._next], self._observer
         w[rows.kp : rows.tip] = gains.T.ravel()
-        limit = np.minimum(law.laws[0].limit, np.finfo(float).max)
+        limit = np.minimum(law.laws[0].integration.limit, np.finfo(float).max)
         w[rows.law_limit : rows.limit] = np.repeat(limit, BATCH_WIDTH)
         since = segment.first if self._next else -1
         position, velocity = self._positions, self._schedule.velocity
@@ -180,32 +179,32 @@ class BatchFlight:
                 segment.form.shared.velocity,
             )
         numbers = numbers_of(law, position, velocity, since, segment.transition_ticks)
-        attitude, instruments = first.model.attitude, self._instruments
-        kinds = self._recorded, attitude is not None, instruments is not None, filter_of(law)
-        terms = LawTerms.of(numbers)
         loop = batch_loop(
-            first.kernel, sizes, terms, observer.observe, self._push, self._move, *kinds
+            first.kernel,
+            sizes,
+            LawTerms.of(numbers),
+            observer.observe,
+            self._push,
+            self._move,
+            filter_of(law),
         )
-        self._loop: Callable[..., None] = partial(
-            loop,
-            w,
+        flight = FlightNumbers(
             first.trial.period,
             first.steps,
+            self._filled,
             self._schedule,
             self._disturbances,
             numbers,
             self._errors.noise,
             self._sensor_check,
             segment.watch,
-            rotation_joints_of(attitude, first.model.joints),
-            instruments and instruments.sensor_data,
+            rotation_joints_of(first.model.attitude, first.model.joints),
+            self._instruments and self._instruments.sensor_data,
             self._external_forces,
             self._friction,
             observer.constants,
-            observer.z,
-            observer.memory,
-            self._filled,
         )
+        self._loop: Callable[..., None] = partial(loop, flight, w, observer.z, observer.memory)
         self._next += 1
 
     def _segment_sizes(self) -> list[Sizes]:
@@ -237,6 +236,9 @@ class BatchFlight:
                 self._disturbances.faults is not None,
                 self._disturbances.disturbance.shape[2] > 1,
                 wheel_rates,
+                self._recorded,
+                model.attitude is not None,
+                self._instruments is not None,
             )
             for k, segment in enumerate(self._segments)
         ]
@@ -264,16 +266,6 @@ class BatchFlight:
             w[rows.tip_rate : rows.end] = np.repeat(appendages.rate, BATCH_WIDTH)
         w[rows.outside : rows.terminal] = -np.inf
         return w
-
-
-def _in_sequence(first: Beginning, then: Beginning) -> Beginning:
-    """Return two observers as one."""
-    return Beginning(
-        combine_observer(first.observe, first.z.size, first.memory.size, then.observe),
-        (first.constants, then.constants),
-        np.concatenate((first.z, then.z)),
-        np.concatenate((first.memory, then.memory)),
-    )
 
 
 def _expand_law(law: LawForm, first: int, states: int) -> LawForm:

@@ -16,7 +16,7 @@ from flexslew_lab.studies.batch.benches.judge import sensor_check_step
 from flexslew_lab.studies.batch.benches.readings import sensor_readings, tip_deflection
 from flexslew_lab.studies.batch.benches.senses import Filter, instrument_step
 from flexslew_lab.studies.batch.groups.rows import Rows, Sizes, rows_of
-from flexslew_lab.studies.batch.laws.efforts import Disturbances, LawNumbers, LawTerms, efforts_of
+from flexslew_lab.studies.batch.laws.efforts import FlightNumbers, LawTerms, efforts_of
 from flexslew_lab.studies.batch.laws.observers import BatchSignals, ObserverStep
 from flexslew_lab.studies.batch.laws.turned import relative_to_reference
 from flexslew_lab.studies.batch.laws.watch import innovation_monitor
@@ -47,21 +47,15 @@ def batch_loop(
     observer_step: ObserverStep,
     push: Callable[..., None],
     move: Callable[..., None],
-    recorded: bool,
-    reads_attitude: bool,
-    has_instruments: bool,
     filtered: Filter | None,
 ) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
-    It takes (w, dt, steps, Schedule, Disturbances, LawNumbers, noise, SensorCheck, Watch,
-    RotationJoints, SensorData, external forces, friction, observer, z, memory, filled, first, last,
-    record, draws): w of batch_kernel.Advance with the rows of `rows` behind; `noise` of the
-    readings, (ticks + 1 or 0, outputs BATCH_WIDTH); RotationJoints, if `reads_attitude`; w, z and
-    memory in and out; `observer` as `observer_step` takes it, which serves the first `filled`
-    members at least; ticks from `first` to before `last`. If `recorded`, the truth goes into
-    `record`, (BATCH_WIDTH, ticks, states + joints), and is measured afterwards; else the loop
-    counts what the metrics need. `draws` are the instruments', (ticks, members, draws).
+    It takes (FlightNumbers, w, z, memory, first, last, record, draws): w of batch_kernel.Advance
+    with the rows of `rows` behind; w, z and memory in and out; the observer serves the first
+    members in use at least; ticks from `first` to before `last`. If `sizes.recorded`, the truth
+    goes into `record`, (BATCH_WIDTH, ticks, states + joints), and is measured afterwards; else the
+    loop counts what the metrics need. `draws` are the instruments', (ticks, members, draws).
 
     Args:
         kernel: of the testbed.
@@ -70,50 +64,31 @@ def batch_loop(
         observer_step: of the law.
         push: what acts from outside; see pushed.forces_of.
         move: what takes the testbed one tick on; see batch_friction.motion_of.
-        recorded: whether the truth is.
-        reads_attitude: whether the joints read an attitude.
-        has_instruments: whether there are instruments.
         filtered: the filters that estimate the joints; None: there are none.
     """
     m, ny = sizes.joints, sizes.outputs
     rows, of_kernel = rows_of(kernel.size, sizes), kernel.rows
     efforts = efforts_of(of_kernel.effort, rows, sizes, terms)
-    metrics = (
-        _recorded(of_kernel.effort, rows, sizes) if recorded else _measure(of_kernel, rows, sizes)
-    )
+    metrics = (_recorded if sizes.recorded else _measure)(of_kernel, rows, sizes)
     read_joints, read = kernel.read, sensor_readings(of_kernel, rows, sizes)
     reading, previous, effort, member_demand = rows.reading, rows.previous, rows.applied, rows.own
-    replace_positions = relative_to_reference(m, rows.reading, reads_attitude and filtered is None)
+    replace_positions = relative_to_reference(m, reading, sizes.reads_attitude and filtered is None)
     compare, watch = sensor_check_step(rows, sizes), innovation_monitor(rows, sizes)
-    set_in, read_instruments = (
-        setting_in(rows, sizes, has_instruments),
-        instrument_step(rows, sizes, has_instruments, filtered),
-    )
+    set_in, read_instruments = setting_in(rows, sizes), instrument_step(rows, sizes, filtered)
+    has_instruments = sizes.has_instruments
 
     @vectorised
     def loop(
+        flight: FlightNumbers,
         w: Vector,
-        dt: float,
-        steps: int,
-        schedule: Any,
-        disturbances: Disturbances,
-        law: LawNumbers,
-        noise: Matrix,
-        sensor_check: Any,
-        monitor: Any,
-        rotation_joints: Any,
-        instruments: Any,
-        external_forces: Any,
-        friction: Any,
-        observer: Any,
         z: Vector,
         memory: Vector,
-        filled: int,
         first: int,
         last: int,
         record: Tensor,
         samples: Tensor,
     ) -> None:
+        dt, _, filled, schedule, disturbances = flight[:5]
         ticks = schedule.position.shape[0]
         signals = BatchSignals(
             w[reading : reading + ny * BATCH_WIDTH],
@@ -126,26 +101,26 @@ def batch_loop(
             metrics(k, first, schedule, record, w)
             if k == ticks:
                 break
-            read(k, noise, w)
+            read(k, flight.noise, w)
             set_in(k, disturbances.faults, w, filled)
-            compare(k, dt, sensor_check, w)
+            compare(k, dt, flight.sensor_check, w)
             if has_instruments:
-                draw, reference = samples[k - first], schedule.position[k]
-                read_instruments(k, instruments, draw, reference, disturbances.faults, w, filled)
-            replace_positions(w, rotation_joints, schedule.position[k], filled)
-            observer_step(k, schedule.time[k], dt, observer, signals, z, memory, filled)
-            watch(k, monitor, z, memory, w)
-            efforts(k, schedule.time[k], dt, disturbances, law, rotation_joints, z, w, filled)
-            push(k * dt, 0.5 * dt, external_forces, filled, w)
-            move(k * dt, dt, steps, friction, filled, w)
-            push(k * dt + dt, -0.5 * dt, external_forces, filled, w)
+                draws = samples[k - first], schedule.position[k], disturbances.faults
+                read_instruments(k, flight.instruments, *draws, w, filled)
+            replace_positions(w, flight.rotation_joints, schedule.position[k], filled)
+            observer_step(k, schedule.time[k], dt, flight.observer, signals, z, memory, filled)
+            watch(k, flight.monitor, z, memory, w)
+            efforts(k, schedule.time[k], flight, z, w)
+            push(k * dt, 0.5 * dt, flight.external_forces, filled, w)
+            move(k * dt, dt, flight.steps, flight.friction, filled, w)
+            push(k * dt + dt, -0.5 * dt, flight.external_forces, filled, w)
 
     return cast(Loop, loop)
 
 
-def _recorded(states: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
-    """Return what keeps states and applied efforts of a tick; states: entries times BATCH_WIDTH."""
-    applied, count, m = rows.applied, states // BATCH_WIDTH, sizes.joints
+def _recorded(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what keeps states and applied efforts of a tick."""
+    applied, count, m = rows.applied, of_kernel.effort // BATCH_WIDTH, sizes.joints
 
     @vectorised
     def keep(k: int, first: int, schedule: Any, record: Tensor, w: Vector) -> None:

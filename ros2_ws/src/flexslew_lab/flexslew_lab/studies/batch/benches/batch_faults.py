@@ -169,20 +169,19 @@ def reading_step() -> Callable[..., None]:
     return cast(Callable[..., None], apply_faults)
 
 
-def setting_in(rows: Rows, sizes: Sizes, has_sensors: bool) -> Callable[..., None]:
+def setting_in(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what lets faults set in at a tick, and sensors read what is wrong.
 
     It takes (k, BatchFaults, w, number of members in use).
 
     Args:
         rows: of the group.
-        sizes: of the group.
-        has_sensors: whether instruments read the tips, later in the tick.
+        sizes: of the group; instruments read the tips later in the tick.
     """
     if not sizes.has_faults:
         return skip
     reading, begin, apply_faults = rows.reading, _store_initial(rows), reading_step()
-    count = 2 * sizes.joints if has_sensors else sizes.outputs
+    count = 2 * sizes.joints if sizes.has_instruments else sizes.outputs
 
     @compiled
     def set_in(k: int, faults: BatchFaults, w: Vector, filled: int) -> None:
@@ -216,21 +215,22 @@ def _store_initial(rows: Rows) -> Callable[..., None]:
     return cast(Callable[..., None], begin)
 
 
-def requested_effort_faults(rows: Rows, sizes: Sizes) -> Callable[..., None]:
-    """Return what holds the last demand on a drive where an answer is lost, and changes it.
+def effort_faults(rows: Rows, sizes: Sizes) -> tuple[Callable[..., None], Callable[..., None]]:
+    """Return what faults make of the demand on a drive, and of the effort that its motor gives.
 
-    It takes (k, joint, BatchFaults, w, number of members in use).
+    Where an answer is lost the last demand holds. Both take (k, joint, BatchFaults, w, number of
+    members in use).
 
     Args:
         rows: of the group.
         sizes: of the group.
     """
     if not sizes.has_faults:
-        return skip
+        return skip, skip
     requested, effort, change = rows.request, rows.applied, _value_after_faults()
 
     @compiled
-    def apply_request(k: int, i: int, faults: BatchFaults, w: Vector, filled: int) -> None:
+    def change_request(k: int, i: int, faults: BatchFaults, w: Vector, filled: int) -> None:
         row = i * BATCH_WIDTH
         if faults.answer_lost[k]:
             lost = faults.missed
@@ -244,26 +244,10 @@ def requested_effort_faults(rows: Rows, sizes: Sizes) -> Callable[..., None]:
                 late = change(k, member, faults, _LATE, i, w[effort + row + member])
                 w[effort + row + member] = change(k, member, faults, _DEMAND, i, late)
 
-    return cast(Callable[..., None], apply_request)
-
-
-def motor_faults(rows: Rows, sizes: Sizes) -> Callable[..., None]:
-    """Return what changes the efforts that motors give.
-
-    It takes (k, joint, BatchFaults, w, number of members in use).
-
-    Args:
-        rows: of the group.
-        sizes: of the group.
-    """
-    if not sizes.has_faults:
-        return skip
-    effort, change = rows.applied, _value_after_faults()
-
     @compiled
-    def apply_effort(k: int, i: int, faults: BatchFaults, w: Vector, filled: int) -> None:
+    def change_effort(k: int, i: int, faults: BatchFaults, w: Vector, filled: int) -> None:
         if faults.weak[k]:
             for at in range(effort + i * BATCH_WIDTH, effort + i * BATCH_WIDTH + filled):
                 w[at] = change(k, at - effort - i * BATCH_WIDTH, faults, _EFFORT, i, w[at])
 
-    return cast(Callable[..., None], apply_effort)
+    return cast(Callable[..., None], change_request), cast(Callable[..., None], change_effort)

@@ -169,9 +169,7 @@ def _flexible_filter(kernel: BatchKernel, steps: int) -> Filter:
     return cast(Filter, flexible_filter)
 
 
-def instrument_step(
-    rows: Rows, sizes: Sizes, has_sensors: bool, filtered: Filter | None
-) -> Callable[..., None]:
+def instrument_step(rows: Rows, sizes: Sizes, filtered: Filter | None) -> Callable[..., None]:
     """Return what writes readings of instruments, and joints as a filter believes in them.
 
     It takes (k, SensorData, draws of this tick, reference, BatchFaults, w, members in use).
@@ -179,7 +177,6 @@ def instrument_step(
     Args:
         rows: of the group.
         sizes: of the group.
-        has_sensors: whether there are instruments.
         filtered: the filters; None: there are none.
     """
     m, tips, channels = sizes.joints, sizes.outputs - 2 * sizes.joints, sizes.appendages
@@ -215,4 +212,4 @@ def instrument_step(
             for member in range(filled):
                 put(joints[member], member_rows(w, reading, 2 * m, member))
 
-    return cast(Callable[..., None], measure if has_sensors else skip)
+    return cast(Callable[..., None], measure if sizes.has_instruments else skip)

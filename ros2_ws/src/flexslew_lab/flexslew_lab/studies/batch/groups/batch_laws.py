@@ -42,11 +42,12 @@ def kind_of(form: LinearForm) -> Hashable:
     if known is None or is_large(form):
         return id(form)
     law, shared = form.law, form.shared
-    shapes = tuple(np.shape(part) for part in law)
-    integrand = law.integrand.tobytes() if law.integral else b""
+    shapes = tuple(part.shape for part in law if isinstance(part, np.ndarray))
+    has_integral, tracking_rate, limit = law.integration
+    integrand = law.integrand.tobytes() if has_integral else b""
     reference = () if shared is None else (shared.position.tobytes(), shared.velocity.tobytes())
     kind = shared and sharing.kind_of(shared.allocation)
-    integral = law.integral, law.tracking_rate, law.limit.tobytes(), integrand
+    integral = has_integral, tracking_rate, limit.tobytes(), integrand
     return known, shapes, *integral, reference, kind, _kind_of_filters(form)
 
 

@@ -35,6 +35,10 @@ class Sizes(NamedTuple):
         int, ...
     ]  # entries of the state with the speed of each joint's wheel; -1: none
 
+    recorded: bool  # the truth is, and measured afterwards
+    reads_attitude: bool  # the joints do
+    has_instruments: bool
+
     @property
     def doubtful(self) -> bool:
         """Whether a last digit may turn into a whole quantum, a pulse, or a finding."""

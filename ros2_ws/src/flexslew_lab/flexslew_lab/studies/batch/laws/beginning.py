@@ -1,7 +1,7 @@
 """Observers of a group of members before their first tick, of whichever kind they are."""
 
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -17,20 +17,25 @@ from flexslew_control.linear_form import (
 from flexslew_lab.studies.batch.groups.batch_laws import by_member
 from flexslew_lab.studies.batch.laws.by_member import (
     BatchFilter,
-    BatchMotion,
     BatchSteady,
     MemberSizes,
     kalman,
-    observed_motion,
     small_motion,
     steady,
 )
-from flexslew_lab.studies.batch.laws.observers import ObserverStep, gain_filter, linear
+from flexslew_lab.studies.batch.laws.observers import (
+    ObserverStep,
+    combine_observer,
+    gain_filter,
+    linear,
+)
 from flexslew_lab.studies.batch.laws.on_model import BatchEfforts, on_model
 from flexslew_plant.arrays import Indices, Vector
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
+
+_Form = TypeVar("_Form", LinearObserver, GainFilter)
 
 
 class Beginning(NamedTuple):
@@ -51,23 +56,20 @@ def beginning(found: Observer, observers: Sequence[Any]) -> Beginning:
         observers: one for all members, or one for each, which no GainFilter is.
     """
     if isinstance(found, LinearObserver):
-        k = found.constant.shape[-1]
-        start_tick, whole = _at_first(), found.state.ndim == 2  # else each tick has its own gains
-        given = start_tick, _linear(observers)
-        return Beginning(linear(k), given, _zeros(k), _zeros(k), start_tick if whole else None)
+        return _linear(observers)
     if isinstance(found, SmallMotionForm):
         return _small_motion(found, observers)
     if isinstance(found, GainFilter):
         outputs, k = found.output.shape
-        filtered = GainFilter(*map(np.ascontiguousarray, found))
+        filtered = _by_member([found], (2, 2, 2, 2, 1, 2, 1))
         buffer, start_tick = (_zeros(k + outputs), _zeros(k + outputs)), _at_first()
         return Beginning(gain_filter(k), (start_tick, filtered), *buffer, start_tick)
     if isinstance(found, OnModelForm):
         first = beginning(found.observer, [one.observer for one in observers])
         efforts = BatchEfforts(*_stacked((one.model.packed, *one[2:]) for one in observers))
-        step = on_model(*_of(found.model), first.observe, first.z.size)
-        z = np.concatenate((first.z, _zeros(len(found.surface))))
-        return Beginning(step, (first.constants, efforts), z, first.memory)
+        m, read = len(found.surface), first.z.size // BATCH_WIDTH
+        step = on_model(*_of(found.model), MemberSizes(0, m, read, found.model.joints, 0))
+        return combined(first, Beginning(step, efforts, _zeros(m), _zeros(0)), in_series=True)
     outputs, k = found.output.shape
     numbers: tuple[Any, ...]
     if isinstance(found, KalmanForm):
@@ -100,20 +102,39 @@ def _stacked(parts: Iterable[tuple[Any, ...]]) -> list[Any]:
     return [np.array(arrays, dtype=float) for arrays in zip(*parts, strict=True)]
 
 
+def combined(first: Beginning, then: Beginning, in_series: bool = False) -> Beginning:
+    """Return two observers as one; see combine_observer."""
+    rows = first.z.size
+    return Beginning(
+        combine_observer(first.observe, rows, first.memory.size, then.observe, in_series),
+        (first.constants, then.constants),
+        np.concatenate((first.z, then.z)),
+        np.concatenate((np.zeros(rows * in_series), first.memory, then.memory)),
+        first.started if in_series else None,
+    )
+
+
 def _small_motion(first: SmallMotionForm, forms: Sequence[SmallMotionForm]) -> Beginning:
-    model, states = first.model, first.behind.constant.shape[-1]
+    model = first.model
     n, outputs = model.coordinates, first.constants.gain.shape[2]
     sizes = MemberSizes(model.positions + n, 2 * n, outputs, model.joints, 0)
     parts = zip(*(form.constants for form in forms), strict=True)
     constants = MotionConstants(*(np.concatenate(part) for part in parts))
-    batch = BatchMotion(constants, _linear([form.behind for form in forms]))
-    motion = small_motion(model.kernels, model.before_modes, sizes)
-    step = observed_motion(motion, sizes, states)
-    memory = _zeros(sizes.memory + sizes.estimate + states)
-    return Beginning(step, (_at_first(), batch), _zeros(sizes.estimate + states), memory)
+    step = small_motion(model.kernels, model.before_modes, sizes)
+    motion = Beginning(step, constants, _zeros(sizes.estimate), _zeros(sizes.memory))
+    return combined(motion, _linear([form.behind for form in forms]), in_series=True)
 
 
-def _linear(observers: Sequence[LinearObserver]) -> LinearObserver:
-    """Return the matrices of linear observers by member."""
-    sizes = zip(LinearObserver._fields, (2, 2, 2, 2, 1, 2), strict=True)
-    return LinearObserver(*(by_member(observers, name, d) for name, d in sizes))
+def _linear(observers: Sequence[LinearObserver]) -> Beginning:
+    """Return linear observers, which can start again where all ticks have the same matrices."""
+    found, start_tick = observers[0], _at_first()
+    k, numbers = found.constant.shape[-1], _by_member(observers, (2, 2, 2, 2, 1, 2))
+    started = start_tick if found.state.ndim == 2 else None
+    return Beginning(linear(k), (start_tick, numbers), _zeros(k), _zeros(k), started)
+
+
+def _by_member(parts: Sequence[_Form], dimensions: tuple[int, ...]) -> _Form:
+    """Return matrices of every member, each with so many dimensions at one tick."""
+    form = type(parts[0])
+    names = zip(form._fields, dimensions, strict=True)
+    return form(*(by_member(parts, name, size) for name, size in names))

@@ -17,9 +17,8 @@ from flexslew_control.estimators.prediction import (
     steady_prediction,
 )
 from flexslew_control.estimators.small_motion_observer import MotionConstants, take_in
-from flexslew_control.linear_form import LinearObserver
-from flexslew_lab.studies.batch.laws.observers import BatchSignals, ObserverStep, linear
-from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, called, compiled, put
+from flexslew_lab.studies.batch.laws.observers import BatchSignals, ObserverStep
+from flexslew_plant.arrays import Matrix, Tensor, Vector, called, compiled, put
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
 from flexslew_plant.testbeds.compiled.bound import bound
 from flexslew_plant.testbeds.kernels import Kernels
@@ -31,6 +30,7 @@ class MemberReadings(NamedTuple):
     """The inputs of a member's estimator at a tick."""
 
     first: bool  # whether it starts with them
+    tick: int
     time: float  # [s]
     period: float  # [s]
     y: Vector  # readings
@@ -70,13 +70,6 @@ class BatchSteady(NamedTuple):
     variance: Matrix  # of y - C x, (members, l)
 
 
-class BatchMotion(NamedTuple):
-    """linear_form.SmallMotionForm likewise."""
-
-    numbers: MotionConstants
-    behind: LinearObserver  # by batch_laws.by_member
-
-
 @lru_cache
 def by_member(step: MemberStep[_Numbers], sizes: MemberSizes) -> ObserverStep:
     """Return an observer that takes the step of an estimator for one member after another.
@@ -111,7 +104,7 @@ def by_member(step: MemberStep[_Numbers], sizes: MemberSizes) -> ObserverStep:
                 effort[i] = signals.effort[i * BATCH_WIDTH + member]
             # after a reading that was no number it starts again, with one that is
             first = bool(k == 0 or (not np.isfinite(own).all() and np.isfinite(y).all()))
-            step(numbers, row, own, MemberReadings(first, t, dt, y, effort), out)
+            step(numbers, row, own, MemberReadings(first, k, t, dt, y, effort), out)
             for i in range(found):
                 z[i * BATCH_WIDTH + member] = out[i]
             for i in range(variances):
@@ -170,7 +163,7 @@ def kalman(kernels: Kernels, before: int, n: int, sizes: MemberSizes) -> Observe
     def step(
         numbers: BatchFilter, row: int, memory: Vector, readings: MemberReadings, out: Vector
     ) -> None:
-        first, t, dt, y, effort = readings
+        first, _, t, dt, y, effort = readings
         packed, q, c, r = numbers.packed[row], numbers.q[row], numbers.c[row], numbers.r[row]
         x, p = memory[:states], memory[states:].reshape((states, states))
         if first:
@@ -196,7 +189,7 @@ def steady(kernels: Kernels, before: int, n: int, sizes: MemberSizes) -> Observe
     def step(
         numbers: BatchSteady, row: int, memory: Vector, readings: MemberReadings, out: Vector
     ) -> None:
-        first, _, dt, y, effort = readings
+        first, _, _, dt, y, effort = readings
         packed, gain, c = numbers.packed[row], numbers.gain[row], numbers.output[row]
         if first:
             x = first_state(y, n, states)
@@ -219,7 +212,7 @@ def small_motion(kernels: Kernels, before: int, sizes: MemberSizes) -> ObserverS
     def step(
         numbers: MotionConstants, row: int, memory: Vector, readings: MemberReadings, out: Vector
     ) -> None:
-        first, t, dt, y, effort = readings
+        first, _, t, dt, y, effort = readings
         if first:
             memory[:] = 0.0
             put(numbers.rest[row], memory[: numbers.rest.shape[1]])
@@ -228,33 +221,3 @@ def small_motion(kernels: Kernels, before: int, sizes: MemberSizes) -> ObserverS
         take_in(kernels, numbers, row, y, memory, out, np.empty(y.size))
 
     return by_member(step, sizes)
-
-
-@lru_cache
-def observed_motion(motion: ObserverStep, sizes: MemberSizes, output_states: int) -> ObserverStep:
-    """Return a small_motion and what reads its estimate, as others read y.
-
-    Its memory is that of the first, the estimates of the tick before, and that of the other one.
-    """
-    read_estimate, first = linear(output_states), sizes.memory * BATCH_WIDTH
-    rows = sizes.estimate * BATCH_WIDTH
-
-    @compiled
-    def observer_step(
-        k: int,
-        t: float,
-        dt: float,
-        given: tuple[Indices, BatchMotion],
-        signals: BatchSignals,
-        z: Vector,
-        memory: Vector,
-        filled: int,
-    ) -> None:
-        start_tick, batch = given
-        previous, after = memory[first : first + rows], memory[first + rows :]
-        put(z[:rows], previous)
-        motion(k, t, dt, batch.numbers, signals, z[:rows], memory[:first], filled)
-        seen = BatchSignals(z[:rows], previous, signals.effort, signals.demand)
-        read_estimate(k, t, dt, (start_tick, batch.behind), seen, z[rows:], after, filled)
-
-    return cast(ObserverStep, observer_step)

@@ -10,24 +10,22 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from flexslew_control.allocation.sharing import share
-from flexslew_lab.studies.batch.benches.batch_faults import (
-    BatchFaults,
-    motor_faults,
-    requested_effort_faults,
-)
+from flexslew_control.controllers.by_joint.integral_action import integral_step
+from flexslew_control.controllers.by_joint.pd_feedforward import pd_step
+from flexslew_control.controllers.controller import handover_effort
+from flexslew_lab.studies.batch.benches.batch_faults import BatchFaults, effort_faults
 from flexslew_lab.studies.batch.benches.readings import GUARD
 from flexslew_lab.studies.batch.groups.rows import Rows, Sizes
 from flexslew_lab.studies.batch.laws.observers import add_products
 from flexslew_lab.studies.batch.laws.turned import RotationJoints
-from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled, put, vectorised
+from flexslew_plant.arrays import Matrix, Tensor, Vector, called, compiled, put, vectorised
 from flexslew_plant.hardware.motor_step import (
-    first_order_effort,
-    first_order_slew_effort,
-    round_effort,
-    slew_limited_torque,
+    Motor,
+    MotorMemory,
+    motor_step,
     speed_limited_effort,
 )
-from flexslew_plant.hardware.motor_step import pulse_effort as pulsed_effort
+from flexslew_plant.testbeds.attitude import joint_rotation_vector
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH, member_rows, skip
 
 
@@ -56,6 +54,25 @@ class Disturbances(NamedTuple):
     faults: BatchFaults | None  # None: there are none
 
 
+class FlightNumbers(NamedTuple):
+    """The constants of a group in flight with one law."""
+
+    dt: float  # one tick [s]
+    steps: int  # of the kernel in a tick
+    filled: int  # members in use, the first ones
+    schedule: Any  # loop.Schedule
+    disturbances: Disturbances
+    law: LawNumbers
+    noise: Matrix  # of the readings, (ticks + 1 or 0, outputs BATCH_WIDTH)
+    sensor_check: Any  # judge.SensorCheck
+    monitor: Any  # watch.Watch
+    rotation_joints: RotationJoints
+    instruments: Any  # senses.SensorData
+    external_forces: Any  # see pushed
+    friction: Any  # see batch_friction
+    observer: Any  # as the ObserverStep takes it
+
+
 class LawTerms(NamedTuple):
     """Which of the law's products there are; a loop computes no others."""
 
@@ -75,10 +92,14 @@ class LawTerms(NamedTuple):
         )
 
 
+_joint_effort, _integral = called(pd_step), called(integral_step)
+_handover_effort = called(handover_effort)
+
+
 def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callable[..., None]:
     """Return what writes the efforts of a tick and takes the integral to the next one.
 
-    It takes (k, t, dt, Disturbances, LawNumbers, RotationJoints, z, w, number of members in use).
+    It takes (k, t, FlightNumbers, z, w).
 
     Args:
         total: where the efforts stand that the kernel holds.
@@ -90,48 +111,31 @@ def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callabl
     member_demand, per_member, from_state, from_output, _ = terms
     reading, products, kp, kd = rows.reading, rows.products, rows.kp, rows.kd
     seen, effort = (rows.seen, rows.demand) if shared else (reading, rows.applied)
-    update_attitude, set_effort, drive = (
-        _attitude_update(rows, sizes),
-        _allocate(rows, sizes),
-        _drive(total, rows, sizes),
-    )
+    (update_attitude, set_effort), drive = _sharing(rows, sizes), _drive(total, rows, sizes)
     multiply, apply_transition = _multiply(seen, rows, sizes), _transition(rows, sizes)
     integrate = _integrate(seen, effort, rows, sizes, terms)
     applied, initial_effort, taken = rows.applied, rows.held, m * BATCH_WIDTH * sizes.taken
 
     @vectorised
-    def efforts(
-        k: int,
-        t: float,
-        dt: float,
-        disturbances: Disturbances,
-        law: LawNumbers,
-        rotation_joints: RotationJoints,
-        z: Vector,
-        w: Vector,
-        filled: int,
-    ) -> None:
+    def efforts(k: int, t: float, flight: FlightNumbers, z: Vector, w: Vector) -> None:
+        law, dt, filled, disturbances = flight.law, flight.dt, flight.filled, flight.disturbances
         if k == law.since:
             for at in range(taken):
                 w[initial_effort + at] = w[applied + at]
-        update_attitude(rotation_joints, w)
+        update_attitude(flight.rotation_joints, w, filled)
         multiply(w)
         demand_of = law.demand
         for i in range(n):
             row = i * BATCH_WIDTH
             position, tick = law.position, 0 if per_member else k
-            base, requested, requested_rate = (
-                demand_of[k, i, 0],
-                position[tick, i, 0],
-                law.velocity[k, i],
-            )
+            base, wanted, wanted_rate = demand_of[k, i, 0], position[tick, i, 0], law.velocity[k, i]
             for member in range(BATCH_WIDTH):
                 at = row + member
-                w[effort + at] = (
-                    (demand_of[k, i, member] if member_demand else base)
-                    + w[kp + at]
-                    * ((position[0, i, member] if per_member else requested) - w[seen + at])
-                    + w[kd + at] * (requested_rate - w[seen + n * BATCH_WIDTH + at])
+                feedforward = demand_of[k, i, member] if member_demand else base
+                error = (position[0, i, member] if per_member else wanted) - w[seen + at]
+                rate_error = wanted_rate - w[seen + n * BATCH_WIDTH + at]
+                w[effort + at], _, _ = _joint_effort(
+                    w[kp + at], w[kd + at], feedforward, error, rate_error
                 )
             if from_state:
                 add_products(law.from_state, k, i, z, 0, 1.0, w, effort + row)
@@ -180,11 +184,10 @@ def _transition(rows: Rows, sizes: Sizes) -> Callable[..., None]:
         passed = k - law.since
         if not taken or passed >= law.transition_ticks:  # the first is known to the compiler
             return
-        left = 1.0 - passed / law.transition_ticks
         for at in range(i * BATCH_WIDTH, (i + 1) * BATCH_WIDTH):
             if passed == 0:
                 w[offset + at] = w[initial_effort + at] - w[effort + at]
-            w[effort + at] += left * w[offset + at]
+            w[effort + at] += _handover_effort(w[offset + at], passed, law.transition_ticks)
 
     return cast(Callable[..., None], apply_transition)
 
@@ -219,75 +222,86 @@ def _integrate(
             begin(i, law, w)
         for member in range(BATCH_WIDTH):
             at = row + member
-            demand = w[effort + at] + w[total + at]
-            given = min(max(demand, -w[limit + at]), w[limit + at])
-            anti_windup = law.tracking_rate * (given - demand)
             error = (position[0, i, member] if per_member else requested) - w[seen + at]
-            w[effort + at] = given
-            w[total + at] += dt * (rate + w[ki + at] * error + anti_windup)
+            w[effort + at], w[total + at] = _integral(
+                w[effort + at] + w[total + at],
+                w[total + at],
+                rate + w[ki + at] * error,
+                w[limit + at],
+                law.tracking_rate,
+                dt,
+            )
         if to_integral:
             add_products(law.to_integral, k, i, z, 0, dt, w, total + row)
 
     return cast(Callable[..., None], integrate)
 
 
-def _attitude_update(rows: Rows, sizes: Sizes) -> Callable[..., None]:
-    """Return what writes the turn and the body rates of the joints; see AllocationLaw."""
-    m, shared, seen, reading = sizes.joints, sizes.shared, rows.seen, rows.reading
+def _sharing(rows: Rows, sizes: Sizes) -> tuple[Callable[..., None], Callable[..., None]]:
+    """Return what writes turn and body rates of the joints, and what shares torques out.
 
-    @vectorised
-    def update_attitude(rotation_joints: RotationJoints, w: Vector) -> None:
-        if not shared:  # known to the compiler
-            return
-        for i in range(6):
-            row = seen + i * BATCH_WIDTH
-            for member in range(BATCH_WIDTH):
-                w[row + member] = 0.0
-            for j in range(m):
-                weight, read = (
-                    rotation_joints.inverse[i % 3, j],
-                    reading + (i // 3 * m + j) * BATCH_WIDTH,
-                )
-                for member in range(BATCH_WIDTH):
-                    w[row + member] += weight * w[read + member]
+    Member after member; see AllocationLaw and Allocator.
+    """
+    if not sizes.shared:
+        return skip, skip
+    m, tips, reading = sizes.joints, sizes.outputs - 2 * sizes.joints, rows.reading
+    rate, tip = reading + m * BATCH_WIDTH, reading + 2 * m * BATCH_WIDTH
+    seen, demand, effort = rows.seen, rows.demand, rows.applied
 
-    return cast(Callable[..., None], update_attitude)
-
-
-def _allocate(rows: Rows, sizes: Sizes) -> Callable[..., None]:
-    """Return what shares the torques of the first members out; see allocation.Allocator."""
-    m, tips = sizes.joints, sizes.outputs - 2 * sizes.joints
-    demand, effort, reading = rows.demand, rows.applied, rows.reading + 2 * m * BATCH_WIDTH
+    @compiled
+    def update_attitude(rotation_joints: RotationJoints, w: Vector, filled: int) -> None:
+        inverse = rotation_joints.inverse
+        for member in range(filled):
+            body = member_rows(w, seen, 6, member)
+            position, velocity = member_rows(w, reading, m, member), member_rows(w, rate, m, member)
+            body[0], body[1], body[2] = joint_rotation_vector(inverse, position)
+            body[3], body[4], body[5] = joint_rotation_vector(inverse, velocity)
 
     @compiled
     def set_effort(t: float, allocation: Any, w: Vector, filled: int) -> None:
         torque, readings, out = np.empty(3), np.empty(tips), np.empty(m)
         for member in range(filled):
             put(member_rows(w, demand, 3, member), torque)
-            put(member_rows(w, reading, tips, member), readings)
+            put(member_rows(w, tip, tips, member), readings)
             one = member if allocation.torque.shape[0] > 1 else 0
             share(allocation, one, torque, readings, t, out)
             put(out, member_rows(w, effort, m, member))
 
-    return set_effort if sizes.shared else skip
+    return cast(Callable[..., None], update_attitude), cast(Callable[..., None], set_effort)
 
 
 def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what a drive makes of a demand; see motor_step."""
     effort, limit, least, member_demand = rows.applied, rows.limit, rows.least, rows.own
-    has_pulse, pulse, residual_impulse = sizes.has_pulse, rows.pulse, rows.residual_impulse
-    motor_response, discrete_effort, flags = (
-        _motor_dynamics(rows, sizes),
-        sizes.discrete_effort,
-        rows.doubt,
-    )
-    quantum = rows.motor
-    per_member, apply_faults, set_effort = (
-        sizes.per_member,
-        requested_effort_faults(rows, sizes),
-        motor_faults(rows, sizes),
-    )
-    spin, stored_count = _spin(rows, sizes), BATCH_WIDTH * sizes.needs_previous
+    owed, ramp, torque = rows.residual_impulse, rows.ramp, rows.torque
+    pulse, flags = rows.pulse, rows.doubt
+    quantum, rate, lag, rise, mean_rise = (rows.motor + k * BATCH_WIDTH for k in range(5))
+    has_pulse, discrete_effort = sizes.has_pulse, sizes.discrete_effort
+    has_slew_rate, lagged = sizes.has_slew_rate, sizes.lagged
+    per_member, stored_count = sizes.per_member, BATCH_WIDTH * sizes.needs_previous
+    (change_request, change_effort), spin = effort_faults(rows, sizes), _spin(rows, sizes)
+
+    @vectorised
+    def move_motor(i: int, dt: float, w: Vector) -> None:
+        for member in range(BATCH_WIDTH):  # all conditions but the margin's are of the compiler
+            at = i * BATCH_WIDTH + member
+            motor = Motor(
+                w[limit + at],
+                w[least + at],
+                w[pulse + at] if has_pulse else 0.0,
+                w[quantum + member] if discrete_effort else 0.0,
+                w[rate + member] if has_slew_rate else 0.0,
+                w[lag + member] if lagged else 0.0,
+                w[rise + member],
+                w[mean_rise + member],
+                dt,
+            )
+            memory = MotorMemory(w[owed + at], w[ramp + at], w[torque + at])
+            w[effort + at], memory, margin = motor_step(motor, memory, w[effort + at])
+            w[owed + at], w[ramp + at], w[torque + at] = memory
+            if discrete_effort or has_pulse:
+                near = margin < GUARD * w[limit + at]
+                w[flags + member] = 1.0 if near else w[flags + member]
 
     @vectorised
     def add_disturbance(k: int, i: int, disturbances: Disturbances, w: Vector) -> None:
@@ -303,29 +317,9 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     ) -> None:
         for at in range(i * BATCH_WIDTH, i * BATCH_WIDTH + stored_count):
             w[member_demand + at] = min(max(w[effort + at], -w[limit + at]), w[limit + at])
-        apply_faults(k, i, disturbances.faults, w, filled)
-        for at in range(i * BATCH_WIDTH, (i + 1) * BATCH_WIDTH):
-            applied = min(max(w[effort + at], w[least + at]), w[limit + at])
-            member = at - i * BATCH_WIDTH
-            if discrete_effort and w[quantum + member] > 0.0:
-                bounds = w[least + at], w[limit + at]
-                applied, margin = round_effort(applied, *bounds, w[quantum + member])
-                w[flags + member] = 1.0 if margin < GUARD * bounds[1] else w[flags + member]
-            if has_pulse:
-                minimum_impulse, most = w[pulse + at], w[limit + at]
-                near = (
-                    abs(abs(applied * dt + w[residual_impulse + at]) - minimum_impulse)
-                    < GUARD * most * dt
-                )
-                w[flags + member] = 1.0 if near and minimum_impulse > 0.0 else w[flags + member]
-                given, remainder = pulsed_effort(
-                    applied, w[residual_impulse + at], most, minimum_impulse, dt
-                )
-                w[residual_impulse + at] = remainder if minimum_impulse > 0.0 else 0.0
-                applied = given if minimum_impulse > 0.0 else applied
-            w[effort + at] = applied
-        motor_response(i, dt, w)
-        set_effort(k, i, disturbances.faults, w, filled)
+        change_request(k, i, disturbances.faults, w, filled)
+        move_motor(i, dt, w)
+        change_effort(k, i, disturbances.faults, w, filled)
         spin(i, w)
         add_disturbance(k, i, disturbances, w)
 
@@ -348,30 +342,3 @@ def _spin(rows: Rows, sizes: Sizes) -> Callable[..., None]:
             )
 
     return limit_speed if wheel_rates else skip
-
-
-def _motor_dynamics(rows: Rows, sizes: Sizes) -> Callable[..., None]:
-    """Return what a motor's slew rate and lag make of an effort; see motor_step."""
-    effort, start, torque = rows.applied, rows.ramp, rows.torque
-    has_slew_rate, lagged = sizes.has_slew_rate, sizes.lagged
-    _, rate_of, lag_of, rise_of, mean_of = (rows.motor + k * BATCH_WIDTH for k in range(5))
-
-    @vectorised
-    def motor_response(i: int, dt: float, w: Vector) -> None:
-        if has_slew_rate:  # known to the compiler, as the other one
-            for member in range(BATCH_WIDTH):
-                at, before = i * BATCH_WIDTH + member, w[start + i * BATCH_WIDTH + member]
-                ramp = slew_limited_torque(w[effort + at], before, w[rate_of + member], dt)
-                w[effort + at], w[start + at] = ramp[0], ramp[1]
-                if lagged:
-                    w[effort + at], w[torque + at] = first_order_slew_effort(
-                        ramp, before, w[torque + at], w[lag_of + member], dt
-                    )
-        elif lagged:
-            for member in range(BATCH_WIDTH):
-                at = i * BATCH_WIDTH + member
-                w[effort + at], w[torque + at] = first_order_effort(
-                    w[effort + at], w[torque + at], w[rise_of + member], w[mean_of + member]
-                )
-
-    return cast(Callable[..., None], motor_response)

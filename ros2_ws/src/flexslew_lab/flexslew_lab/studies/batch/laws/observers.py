@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeAlias, cast
 
 from flexslew_control.estimators.gained_filter import GainFilter
 from flexslew_control.linear_form import LinearObserver
-from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, vectorised
+from flexslew_plant.arrays import Indices, Tensor, Vector, put, vectorised
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
 
 
@@ -28,17 +28,6 @@ class BatchSignals(NamedTuple):
 ObserverStep: TypeAlias = Callable[
     [int, float, float, Any, BatchSignals, Vector, Vector, int], None
 ]
-
-
-@vectorised
-def _add_product(matrix: Matrix, given: Vector, out: Vector) -> None:
-    """Add matrix @ given to out, member by member."""
-    for i in range(matrix.shape[0]):
-        for j in range(matrix.shape[1]):
-            weight = matrix[i, j]
-            if weight != 0.0:
-                for member in range(BATCH_WIDTH):
-                    out[i * BATCH_WIDTH + member] += weight * given[j * BATCH_WIDTH + member]
 
 
 @vectorised
@@ -109,7 +98,9 @@ def linear(states: int) -> ObserverStep:
 
 
 @lru_cache
-def combine_observer(first: ObserverStep, rows: int, kept: int, then: ObserverStep) -> ObserverStep:
+def combine_observer(
+    first: ObserverStep, rows: int, kept: int, then: ObserverStep, in_series: bool
+) -> ObserverStep:
     """Return two observers as one: their states and memories stand one behind the other's.
 
     Args:
@@ -117,6 +108,8 @@ def combine_observer(first: ObserverStep, rows: int, kept: int, then: ObserverSt
         rows: size of its flat state.
         kept: size of its flat memory.
         then: the other one.
+        in_series: whether the other one reads the state of the first as others read y; then the
+            memory begins with that of the tick before.
     """
 
     @vectorised
@@ -130,15 +123,19 @@ def combine_observer(first: ObserverStep, rows: int, kept: int, then: ObserverSt
         memory: Vector,
         filled: int,
     ) -> None:
-        first(k, t, dt, constants[0], signals, z[:rows], memory[:kept], filled)
-        then(k, t, dt, constants[1], signals, z[rows:], memory[kept:], filled)
+        seen, own = signals, memory[rows * in_series :]
+        if in_series:  # known to the compiler
+            put(z[:rows], memory[:rows])
+            seen = BatchSignals(z[:rows], memory[:rows], signals.effort, signals.demand)
+        first(k, t, dt, constants[0], signals, z[:rows], own[:kept], filled)
+        then(k, t, dt, constants[1], seen, z[rows:], own[kept:], filled)
 
     return cast(ObserverStep, observer_step)
 
 
 @lru_cache
 def gain_filter(states: int) -> ObserverStep:
-    """Return the filter with the matrices of gained_filter.GainFilter."""
+    """Return the filter with the matrices of gained_filter.GainFilter by batch_laws.by_member."""
 
     @vectorised
     def observer_step(
@@ -155,23 +152,23 @@ def gain_filter(states: int) -> ObserverStep:
         prediction, variance = memory[: states * BATCH_WIDTH], memory[states * BATCH_WIDTH :]
         law, elapsed = given[1], k - given[0][0]
         for i in range(variance.size):
-            variance[i] = law.variance[elapsed, i // BATCH_WIDTH]
+            variance[i] = law.variance[elapsed, i // BATCH_WIDTH, 0]
         if elapsed == 0:
             for i in range(z.size):
                 z[i] = 0.0
-            _add_product(law.start, signals.y, x)
+            _add_all(law.start, 0, signals.y, x)
             return
         for i in range(x.size):
-            x[i] -= law.origin[i // BATCH_WIDTH]
-            prediction[i] = law.origin[i // BATCH_WIDTH]
-        _add_product(law.state, x, prediction)
-        _add_product(law.effort, signals.effort, prediction)
+            x[i] -= law.origin[0, i // BATCH_WIDTH, 0]
+            prediction[i] = law.origin[0, i // BATCH_WIDTH, 0]
+        _add_all(law.state, 0, x, prediction)
+        _add_all(law.effort, 0, signals.effort, prediction)
         for i in range(x.size):
             x[i] = prediction[i]
             prediction[i] = -prediction[i]
         for i in range(innovation.size):
             innovation[i] = signals.y[i]
-        _add_product(law.output, prediction, innovation)
-        _add_product(law.gains[elapsed], innovation, x)
+        _add_all(law.output, 0, prediction, innovation)
+        _add_all(law.gains, elapsed, innovation, x)
 
     return cast(ObserverStep, observer_step)

@@ -1,15 +1,19 @@
 """Laws on the equations of motion in members, member after member as on the bench."""
 
 from functools import lru_cache
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
 from flexslew_control.linear_form import SurfaceGains, surface_terms
-from flexslew_lab.studies.batch.laws.by_member import BatchSteady, equations
-from flexslew_lab.studies.batch.laws.observers import BatchSignals, ObserverStep
-from flexslew_plant.arrays import Matrix, Tensor, Vector, called, compiled
-from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
+from flexslew_lab.studies.batch.laws.by_member import (
+    MemberReadings,
+    MemberSizes,
+    by_member,
+    equations,
+)
+from flexslew_lab.studies.batch.laws.observers import ObserverStep
+from flexslew_plant.arrays import Matrix, Tensor, Vector, called
 from flexslew_plant.testbeds.kernels import Kernels
 
 
@@ -25,55 +29,34 @@ class BatchEfforts(NamedTuple):
 
 
 @lru_cache
-def on_model(
-    kernels: Kernels, before: int, n: int, first: ObserverStep, known: int
-) -> ObserverStep:
-    """Return an observer and the efforts of linear_form.OnModelForm after it, as one.
+def on_model(kernels: Kernels, before: int, n: int, sizes: MemberSizes) -> ObserverStep:
+    """Return what computes the efforts of linear_form.OnModelForm; it reads x and e as y.
 
     Args:
         kernels: the equations of the law.
         before: coordinates before the modes.
         n: coordinates.
-        first: the observer; its constants are the first of two.
-        known: size of its flat state.
+        sizes: of the efforts.
     """
     it, states, terms_of = equations(kernels, before, n), 2 * n, called(surface_terms)
-    derivative, jacobian = it.derivative, it.jacobian
+    derivative, jacobian, efforts = it.derivative, it.jacobian, sizes.estimate
 
-    @compiled
-    def observer_step(
-        k: int,
-        t: float,
-        dt: float,
-        constants: tuple[BatchSteady, BatchEfforts],
-        signals: BatchSignals,
-        z: Vector,
-        memory: Vector,
-        filled: int,
+    @called
+    def step(
+        numbers: BatchEfforts, row: int, memory: Vector, readings: MemberReadings, out: Vector
     ) -> None:
-        first(k, t, dt, constants[0], signals, z[:known], memory, filled)
-        batch = constants[1]
-        count, m, outputs = batch.innovation.shape
-        x, innovation, zero_effort = np.empty(states), np.empty(outputs), np.zeros(m)
-        tick, after = min(k, batch.nominal.shape[1] - 1), states + outputs
-        inverse = np.empty((m, m))
-        for member in range(filled):
-            one = member if count > 1 else 0
-            for i in range(states):
-                x[i] = z[i * BATCH_WIDTH + member]
-            for i in range(outputs):
-                innovation[i] = z[(states + i) * BATCH_WIDTH + member]
-            if not (np.isfinite(x).all() and np.isfinite(innovation).all()):
-                for i in range(m):
-                    z[(after + i) * BATCH_WIDTH + member] = np.nan
-                continue
-            gains = SurfaceGains(batch.surface[one], batch.reaching[one], batch.innovation[one])
-            packed, error = batch.packed[one], x - batch.nominal[one, tick]
-            drift = derivative(packed, x, zero_effort)
-            inverse[:] = np.linalg.inv(gains.surface @ jacobian(packed, x, zero_effort, 0.0)[1])
-            terms = terms_of(gains, inverse, batch.slope[one, tick], drift, innovation, error)
-            for i in range(m):
-                effort = terms[0][i] + terms[1][i] + terms[2][i] + terms[3][i]
-                z[(after + i) * BATCH_WIDTH + member] = effort
+        if not np.isfinite(readings.y).all():
+            out[:] = np.nan
+            return
+        tick, zero_effort = min(readings.tick, numbers.nominal.shape[1] - 1), np.zeros(efforts)
+        x, innovation = readings.y[:states], readings.y[states:]
+        gains = SurfaceGains(numbers.surface[row], numbers.reaching[row], numbers.innovation[row])
+        packed, error = numbers.packed[row], x - numbers.nominal[row, tick]
+        drift = derivative(packed, x, zero_effort)
+        inverse = np.empty((efforts, efforts))
+        inverse[:] = np.linalg.inv(gains.surface @ jacobian(packed, x, zero_effort, 0.0)[1])
+        terms = terms_of(gains, inverse, numbers.slope[row, tick], drift, innovation, error)
+        for i in range(efforts):
+            out[i] = terms[0][i] + terms[1][i] + terms[2][i] + terms[3][i]
 
-    return cast(ObserverStep, observer_step)
+    return by_member(step, sizes)
