@@ -245,6 +245,13 @@ def test_the_page_of_the_command_operates_the_bench_and_ctrl_c_leaves_a_whole_lo
     assert resim(run / "bag").identical
 
 
+def test_before_the_plan_is_made_the_page_states_what_it_waits_for() -> None:
+    link, answers = InProcessLink("", ""), list[RequestResult]()
+    link.ask(topics.OPERATE, {"action": "start", "who": "me"}, answers.append)
+    assert link.view.now[:2] == ("waiting", ("the plan of the trial",))
+    assert (answers[0].ok, "its plan is being made" in answers[0].message) == (False, True)
+
+
 @pytest.mark.parametrize("other", [{"attach": True}, {"replay": Path("runs")}])
 def test_in_process_is_for_a_trial(other: dict[str, Any]) -> None:
     with pytest.raises(BadInput, match="--in-process is for a trial"):

@@ -8,10 +8,11 @@ from typing import Any
 
 from flexslew_lab.console.in_process.operated_bench import OperatedBench
 from flexslew_lab.console.link import Iterate, PlanCallback, RequestResult, Then
-from flexslew_lab.console.view import BenchView
+from flexslew_lab.console.view import BenchView, Now
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.run.run_trial import PreparedTrial
+from flexslew_plant.bench.operation.run_state import WAITING
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 from flexslew_plant.own_code import NO_CODE, Trust
@@ -38,6 +39,7 @@ class InProcessLink:
 
     def __init__(self, folder: str, command: str, trust: Trust = NO_CODE) -> None:
         self.view, self.folder, self.command = BenchView(trust), folder, command
+        self.view.now = Now(WAITING, ("the plan of the trial",))
         self._messages: deque[tuple[str, bytes]] = deque()  # name of the topic and CDR
         self._replies: deque[Callable[[], None]] = deque()
         self._bench: OperatedBench | None = None
