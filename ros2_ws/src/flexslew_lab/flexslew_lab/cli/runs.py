@@ -90,6 +90,30 @@ def list_runs(
 
 
 @runs.command()
+def serve(
+    folder: Annotated[Path, typer.Argument(help="Folder with one folder per run.")] = RUNS,
+    port: Annotated[int, typer.Option(help="Port on loopback; 0: any free one.")] = 0,
+    open_it: Open = False,
+) -> None:
+    """Serve the page on this machine, so that its buttons act, until Ctrl-C.
+
+    Example: `./flexslew runs serve --open`
+    """
+    import webbrowser
+
+    from flexslew_lab.report.runs_server import runs_server
+
+    if not os.path.isdir(folder):
+        raise BadInput("no such folder; a first run makes it", folder)
+    server, address = runs_server(folder, port)
+    with server:
+        print_message(address)
+        if open_it:
+            webbrowser.open_new_tab(address)
+        server.serve_forever()
+
+
+@runs.command()
 def note(
     run: Run, text: Annotated[str, typer.Argument(help="The note; empty: removes it.")]
 ) -> None:
