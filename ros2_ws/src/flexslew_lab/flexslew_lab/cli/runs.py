@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -21,7 +21,7 @@ Run = Annotated[Path, typer.Argument(help="Folder of the run.")]
 class _ListsByDefault(TyperGroup):
     """A group that lists where no command is named: `flexslew runs --law lqr`."""
 
-    def parse_args(self, ctx: "typer.Context", args: list[str]) -> list[str]:
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Return the arguments with the default command before them."""
         if not args or (args[0] not in self.commands and args[0] != "--help"):
             args = ["list", *args]

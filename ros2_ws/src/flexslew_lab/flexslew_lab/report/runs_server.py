@@ -95,7 +95,7 @@ class _Handler(SimpleHTTPRequestHandler):
 
     def _is_admitted(self) -> bool:
         """Return whether the request has the token, which is taken off its path; else refuse it."""
-        host = f"{HOST}:{self.server.server_address[1]}"
+        host = f"{HOST}:{self.connection.getsockname()[1]}"
         if self.path.startswith(self._prefix) and self.headers.get("host") == host:
             self.path = self.path.removeprefix(self._prefix[:-1])
             return True
