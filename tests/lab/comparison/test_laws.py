@@ -94,7 +94,8 @@ def test_each_criterion_has_a_winner_and_none_that_lacks_a_number_wins(
     for key, winner in won.items():
         known = [row[key] for row in rows.values() if row.get(key) is not None]
         assert winner.value == rows[winner.name][key] >= min(known)
-        assert winner.value <= winner.second_value
+        assert 0.0 < winner.value <= winner.second_value
+        assert winner.name != NO_FEEDBACK or "effort" not in key
         assert 0 <= winner.first_on <= winner.benches == 3
     words = verdict(oscillator)
     assert words.startswith("least by ")

@@ -5,8 +5,13 @@ import fcntl
 import json
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from shutil import copytree
+from threading import Thread
 from typing import Any
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
 
 import pytest
 import yaml
@@ -15,6 +20,7 @@ from tests.browser import PALE, Browser, chromium, looked_at
 from flexslew_lab.cli.main import main
 from flexslew_lab.report.run_notes import TRASH, read_notes
 from flexslew_lab.report.runs_index import runs_in, write_index
+from flexslew_lab.report.runs_server import runs_server
 
 
 def run(folder: Path, name: str, law: str, tip: float, **more: Any) -> None:
@@ -244,3 +250,71 @@ def assert_whole(browser: Browser) -> None:
     assert seen["scroll"] <= 0
     assert browser.run(PALE) == []
     assert browser.complaints() == []
+
+
+@pytest.fixture
+def served(folder: Path) -> Iterator[str]:
+    server, address = runs_server(folder)
+    with server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        yield address
+        server.shutdown()
+
+
+def sent(address: str, body: object = None, **headers: str) -> tuple[int, str]:
+    data = None if body is None else json.dumps(body).encode()
+    try:
+        with urlopen(Request(address, data, headers), timeout=20) as reply:
+            return reply.status, reply.read().decode()
+    except HTTPError as error:
+        return error.code, error.read().decode()
+
+
+def test_a_served_page_acts_on_runs_of_its_folder_alone(folder: Path, served: str) -> None:
+    assert sent(served)[0] == 200
+    assert sent(f"{served}note", {"runs": ["a"], "value": "seen"}) == (200, "")
+    assert sent(f"{served}tags", {"runs": ["a", "b"], "value": "x, y"}) == (200, "")
+    assert read_notes(folder / "a") == ("seen", ("x", "y"))
+    assert "seen" in sent(served)[1]
+    for name in ("nobody", "../a", ".", "", 3):
+        status, words = sent(f"{served}trash", {"runs": [name], "value": ""})
+        assert status == 400, name
+        assert "run" in words
+    assert sent(f"{served}format", {"runs": ["a"], "value": ""})[0] == 400
+    assert sent(f"{served}trash", ["a"])[0] == 400
+    assert sent(f"{served}trash", {"runs": ["a"], "value": ""}) == (200, "")
+    assert [run.folder.name for run in runs_in(folder)[0]] == ["b"]
+
+
+def test_a_request_without_the_token_or_of_another_host_is_refused(served: str) -> None:
+    root = served.rsplit("/", 2)[0]
+    for address in (f"{root}/", f"{root}/index.html", f"{root}/wrong/"):
+        assert sent(address)[0] == 403
+    assert sent(f"{root}/trash", {"runs": ["a"], "value": ""})[0] == 403
+    assert sent(served, None, Host="evil.example")[0] == 403
+    with pytest.raises(HTTPError, match="403"):
+        urlopen(Request(f"{root}/index.html", method="HEAD"), timeout=20)
+
+
+def test_a_served_page_lays_runs_over_one_another(folder: Path, served: str, bag: Path) -> None:
+    copytree(bag, folder / "a" / "bag")
+    status, page = sent(f"{served}overlay", {"runs": ["a"], "value": ""})
+    assert status == 200
+    assert "synthetic" in (folder / page).read_text()
+    assert sent(f"{served}overlay", {"runs": [], "value": ""}) == (400, "select at least one run")
+    assert sent(f"{served}overlay", {"runs": ["b"], "value": ""})[0] == 400  # it has no log
+
+
+@pytest.mark.browser
+def test_buttons_of_a_served_page_act_on_what_is_selected(folder: Path, served: str) -> None:
+    with chromium() as browser:
+        browser.open(served, 1440)
+        browser.click("//input[@aria-label='compare b']")
+        browser.write("//input[@id='tags']", "paper")
+        browser.click("//button[.='Set tags']")
+        browser.until("return document.querySelector('.tag')?.innerText === 'paper'")
+        browser.click("//input[@aria-label='compare a']")
+        browser.click("//button[.='Move to trash']")
+        browser.until("return document.querySelectorAll('#runs tr[data-trial]').length === 1")
+    assert read_notes(folder / "b").tags == ("paper",)
+    assert (folder / TRASH / "a").is_dir()

@@ -28,7 +28,12 @@ from flexslew_lab.studies.findings.statistics import (
 )
 from flexslew_lab.studies.findings.stopping import interim_sizes, joint_confidence, stop_result
 from flexslew_lab.studies.findings.summary import passed, summary
-from flexslew_lab.studies.findings.tables import metric_tables, pair_rows, total_rows
+from flexslew_lab.studies.findings.tables import (
+    metric_tables,
+    pair_rows,
+    study_verdict,
+    total_rows,
+)
 from flexslew_lab.studies.flight import FlightResult, failed
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
@@ -245,6 +250,23 @@ def test_where_no_pair_has_two_numbers_there_is_no_difference(
     (row,) = pair_rows(summary(study, store, {}))
     assert (row.mean, row.median) == ("-", "-")  # not "unbounded", as of a number beyond all
     assert row.pairs == "0, 3 without a number left out"
+
+
+def test_a_study_states_first_what_it_decides(
+    told: Callable[..., tuple[Study, Store]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    limits = {NAME: {"below": 1.0}, "peak_tip_deflection": {"below": 3.0}}
+    row = {NAME: 2.0, "peak_tip_deflection": 2.0}
+    study, store = told([row] * 3, criteria=limits)
+    found = summary(study, store, {"wall_time": 1.0, "trials_per_second": 4.0})
+    words = study_verdict(found)
+    assert words.startswith("2 criteria: 1 passed, 1 refuted; refuted: ")
+    assert f"{NAME} below 1: 0 of 3" in words
+    assert words.endswith("; 0 of 3 trials failed")
+    print_summary(found, False)
+    assert capsys.readouterr().out.startswith(words)
+    page = study_page(study, store, found)
+    assert page.index("2 criteria: 1 passed") < page.index("<h2>")
 
 
 def test_129_of_200_refute_a_probability_of_nine_tenths() -> None:

@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -21,7 +21,7 @@ Run = Annotated[Path, typer.Argument(help="Folder of the run.")]
 class _ListsByDefault(TyperGroup):
     """A group that lists where no command is named: `flexslew runs --law lqr`."""
 
-    def parse_args(self, ctx: "typer.Context", args: list[str]) -> list[str]:
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Return the arguments with the default command before them."""
         if not args or (args[0] not in self.commands and args[0] != "--help"):
             args = ["list", *args]
@@ -87,6 +87,30 @@ def list_runs(
         print_message(f"{link(page)}")
         if open_it:
             open_page(page)
+
+
+@runs.command()
+def serve(
+    folder: Annotated[Path, typer.Argument(help="Folder with one folder per run.")] = RUNS,
+    port: Annotated[int, typer.Option(help="Port on loopback; 0: any free one.")] = 0,
+    open_it: Open = False,
+) -> None:
+    """Serve the page on this machine, so that its buttons act, until Ctrl-C.
+
+    Example: `./flexslew runs serve --open`
+    """
+    import webbrowser
+
+    from flexslew_lab.report.runs_server import runs_server
+
+    if not os.path.isdir(folder):
+        raise BadInput("no such folder; a first run makes it", folder)
+    server, address = runs_server(folder, port)
+    with server:
+        print_message(address)
+        if open_it:
+            webbrowser.open_new_tab(address)
+        server.serve_forever()
 
 
 @runs.command()

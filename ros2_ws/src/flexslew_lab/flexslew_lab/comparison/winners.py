@@ -67,11 +67,7 @@ def verdict(found: Comparison) -> str:
         f"{w.criterion.title}: {w.name}" + ("" if w.is_clear else f" or {w.second}, within 5 %")
         for w in won
     ]
-    more = (
-        f"; without {unfinished} that lack a number, as one that never settles"
-        if unfinished
-        else ""
-    )
+    more = f"; {unfinished} left out that never settled or do not control" if unfinished else ""
     return f"least by {'; '.join(parts)}{more}"
 
 
@@ -84,8 +80,7 @@ def winner_table(found: Comparison) -> Table:
             short(w.value, 3),
             w.second,
             short(w.second_value, 3),
-            f"{w.second_value / w.value:.3g} times" if w.is_clear and w.value > 0.0 else
-            "all of it" if w.is_clear else "equal",
+            f"{w.second_value / w.value:.3g} times" if w.is_clear else "equal",
             f"{w.first_on} of {w.benches}",
         )
         for w in winners(found)
@@ -110,6 +105,10 @@ def _ranked(found: Comparison) -> Entries:
 
 
 def _value(criterion: ComparisonMetric, flight: CandidateFlight) -> float:
-    """Return the number of a flight; infinite where it has none, or the bench was lost."""
+    """Return the number of a flight; infinite where it has none, or the bench was lost.
+
+    Exactly zero is the effort of a candidate that does not control, or a bench without tips: it
+    ranks nobody.
+    """
     value = None if flight.lost else criterion.of(flight.metrics)
-    return np.inf if value is None else float(value)
+    return float(value) if value else np.inf
