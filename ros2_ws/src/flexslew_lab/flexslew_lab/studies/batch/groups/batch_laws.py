@@ -9,19 +9,12 @@ from flexslew_control.allocation import sharing
 from flexslew_control.estimators.attitude_tick import AttitudeNumbers
 from flexslew_control.estimators.flexible_attitude_tick import FlexibleForm
 from flexslew_control.estimators.gained_filter import GainFilter
-from flexslew_control.linear_form import (
-    KalmanForm,
-    LawForm,
-    LinearForm,
-    LinearObserver,
-    Observer,
-    SmallMotionForm,
-    SteadyForm,
-)
+from flexslew_control.linear_form import LawForm, LinearForm, LinearObserver
 from flexslew_plant.arrays import Tensor
 from flexslew_plant.testbeds.compiled.batch_kernel import BatchKernel
 from flexslew_plant.testbeds.compiled.scalar_kernel import scalar_kernel
 from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
+from flexslew_plant.testbeds.model import Model
 
 _MOST = 400_000  # numbers of an observer, tick by tick, that each member may have for itself
 
@@ -51,25 +44,18 @@ def kind_of(form: LinearForm) -> Hashable:
     return known, shapes, *integral, reference, kind, _kind_of_filters(form)
 
 
-def _kind_of_observer(found: Observer) -> Hashable:
-    """Return what is equal for observers side by side; None: there is one for all members.
+def _kind_of_observer(found: Any) -> Hashable:
+    """Return what is equal for observers, or parts of them, side by side.
 
-    What a GainFilter computes by tick is that of all members.
+    None: there is one for all members, since a GainFilter has the gains of a tick for all.
     """
+    if isinstance(found, Model):
+        return found.kernels, found.before_modes, found.packed.shape
     if isinstance(found, GainFilter):
         return None
-    if isinstance(found, LinearObserver):
-        return tuple(part.shape for part in found)
-    model_kind = found.model.kernels, found.model.before_modes, found.model.packed.shape
-    if isinstance(found, KalmanForm):
-        return model_kind, tuple(part.shape for part in found.matrices)
-    if isinstance(found, SteadyForm):
-        return model_kind, found.gain.shape
-    if isinstance(found, SmallMotionForm):
-        output_shapes = tuple(part.shape for part in found.behind)
-        return model_kind, tuple(part.shape for part in found.constants), output_shapes
-    known = _kind_of_observer(found.observer)
-    return known and (model_kind, known, found.nominal.shape)
+    array = isinstance(found, np.ndarray)
+    kinds: tuple[Hashable, ...] = found.shape if array else tuple(map(_kind_of_observer, found))
+    return None if None in kinds else kinds
 
 
 def spacecraft_kernel(form: FlexibleForm) -> BatchKernel:
