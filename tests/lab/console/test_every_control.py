@@ -69,7 +69,7 @@ def test_every_control_does_what_it_is_for(
     } <= {label for _, kind, label in pressed if kind == "button"}
     services = {service for service, _ in link.request}
     assert services >= {
-        "operate", "step", "set_rate", "switch_controller", "pd/tune", "draft_plan", "decide_plan",
+        "operate", "step", "set_rate", "switch_controller", "lqr/tune", "draft_plan", "decide_plan",
         "inject_fault", "note",
     }  # fmt: skip
 
@@ -85,6 +85,7 @@ def _decided(hands: "_Hands") -> set[tuple[str, str, str]]:
         hands.until(lambda: all(d.visible for d in decisions), decision)
         hands.work(decision)
         hands.until(lambda: not any(d.visible for d in decisions), decision)
+        hands.gone(decision)
     return {hands.name(e) for e in (found["Plan"], *decisions)}
 
 
@@ -174,6 +175,12 @@ class _Hands:
             self._browser.write(path, text)
             expected = 7.0 if element.kind == "number" else text
             self.until(lambda: element.value == expected, element)
+
+    def gone(self, element: Element) -> None:
+        """Wait until the page has removed an element, and what stood below it has moved."""
+        self._browser.until(
+            f"const found = {FOUND}; return !found?.checkVisibility()", _path(element)
+        )
 
     def until(self, heard: Callable[[], bool], element: Element) -> None:
         """Wait until the console has heard of what was done with an element."""
