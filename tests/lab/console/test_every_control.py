@@ -89,6 +89,7 @@ def _decided(hands: "_Hands") -> set[tuple[str, str, str]]:
     return {hands.name(e) for e in (found["Plan"], *decisions)}
 
 
+_TO_THE_MIDDLE = f"{FOUND}?.scrollIntoView({{block: 'center'}})"  # from below the header
 _ALONG = f"""
 const slider = {FOUND};
 slider.scrollIntoView({{block: "center"}});
@@ -145,6 +146,7 @@ class _Hands:
         place = f"[{alike.index(element) + 1}]"
         path = f"({_path(element)}){place}"
         before = element.value
+        self._browser.run(_TO_THE_MIDDLE, path)
         if element.kind in ("button", "brake", "table"):
             if element.kind == "table" and not element.data:
                 return
