@@ -196,7 +196,7 @@ def _field(make: Callable[[Element], Any], view: PageView, element: Element) -> 
     return widget
 
 
-def _button(view: PageView, element: Element, act: Callable[[], None] | None = None) -> Any:
+def _button(view: PageView, element: Element, act: Callable[[], object] | None = None) -> Any:
     widget = ui.button(element.label, on_click=act or (lambda: view.on_click(element)))
     widget.props(f"no-caps dense unelevated color={element.color or 'primary'}")
     _set_key(widget, element)
