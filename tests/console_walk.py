@@ -15,8 +15,6 @@ from flexslew_plant.testbeds.csa import CsaTestbed
 from tests.browser import Browser
 from tests.fake_bench import FakeLink
 
-LQR = "{filter: {}, handover_time: 1.0}"
-
 SIZES = {1440: 900, 1024: 768, 768: 1024, 390: 844}
 TABS = ("Plan", "Faults", "Experiment", "Analysis", "Log", "End")
 # what stands on the page that a person can press, write into or choose from
@@ -54,7 +52,7 @@ def served_page(folder: Path) -> Iterator[tuple[Page, FakeLink]]:
     view.truth.add(time, {"position": rows})
     view.controller_state.add(time, {"reference_position": rows})
     view.testbed = CsaTestbed()
-    view.controllers["lqr"] = view.controllers["pd"]._replace(name="lqr", law="lqr", settings=LQR)
+    view.controllers["lqr"] = view.controllers["pd"]._replace(name="lqr")
     view.time, view.now = 39.99, view.now._replace(state="running", active="pd", rate_factor=1.0)
     page = Page(link, "127.0.0.1", 0, print, layouts=folder / "layouts.json")
     drawing = next(e for e in page.server.gui.all() if e.label == "Drawing")

@@ -69,7 +69,7 @@ def test_every_control_does_what_it_is_for(
     } <= {label for _, kind, label in pressed if kind == "button"}
     services = {service for service, _ in link.request}
     assert services >= {
-        "operate", "step", "set_rate", "switch_controller", "pd/tune", "draft_plan", "decide_plan",
+        "operate", "step", "set_rate", "switch_controller", "lqr/tune", "draft_plan", "decide_plan",
         "inject_fault", "note",
     }  # fmt: skip
 
@@ -85,9 +85,11 @@ def _decided(hands: "_Hands") -> set[tuple[str, str, str]]:
         hands.until(lambda: all(d.visible for d in decisions), decision)
         hands.work(decision)
         hands.until(lambda: not any(d.visible for d in decisions), decision)
+        hands.gone(decision)
     return {hands.name(e) for e in (found["Plan"], *decisions)}
 
 
+_TO_THE_MIDDLE = f"{FOUND}?.scrollIntoView({{block: 'center'}})"  # from below the header
 _ALONG = f"""
 const slider = {FOUND};
 slider.scrollIntoView({{block: "center"}});
@@ -144,6 +146,7 @@ class _Hands:
         place = f"[{alike.index(element) + 1}]"
         path = f"({_path(element)}){place}"
         before = element.value
+        self._browser.run(_TO_THE_MIDDLE, path)
         if element.kind in ("button", "brake", "table"):
             if element.kind == "table" and not element.data:
                 return
@@ -174,6 +177,12 @@ class _Hands:
             self._browser.write(path, text)
             expected = 7.0 if element.kind == "number" else text
             self.until(lambda: element.value == expected, element)
+
+    def gone(self, element: Element) -> None:
+        """Wait until the page has removed an element, and what stood below it has moved."""
+        self._browser.until(
+            f"const found = {FOUND}; return !found?.checkVisibility()", _path(element)
+        )
 
     def until(self, heard: Callable[[], bool], element: Element) -> None:
         """Wait until the console has heard of what was done with an element."""

@@ -13,7 +13,8 @@ from flexslew_lab.console.gui import Element, Gui, accepted
 from flexslew_lab.console.scene_drawing import SceneWidget
 from flexslew_lab.console.sheet import PRIMARY, SCRIPT, SHEET
 
-_PLACES = ("folder", "details", "tools", "grid", "row", "stack", "card")  # of other elements
+# of other elements
+_PLACES = ("folder", "details", "tools", "grid", "row", "stack", "card", "tile", "handle")
 _LARGE = ("chart", "scene")  # what a page draws for longer than it takes to send
 # whether the browser draws in three dimensions: 0 not at all, 1 by the processor, 2 by a card
 _WEBGL = """(() => {
@@ -195,7 +196,7 @@ def _field(make: Callable[[Element], Any], view: PageView, element: Element) -> 
     return widget
 
 
-def _button(view: PageView, element: Element, act: Callable[[], None] | None = None) -> Any:
+def _button(view: PageView, element: Element, act: Callable[[], object] | None = None) -> Any:
     widget = ui.button(element.label, on_click=act or (lambda: view.on_click(element)))
     widget.props(f"no-caps dense unelevated color={element.color or 'primary'}")
     _set_key(widget, element)
@@ -258,6 +259,19 @@ def _folder(view: PageView, element: Element) -> Any:
         if element.label:
             ui.html(element.label, sanitize=False, tag="legend")
     return widget
+
+
+def _tile(view: PageView, element: Element) -> Any:
+    """Return a place that another one can be dragged onto, by its handle."""
+    widget = _folder(view, element).on("dragover", js_handler="e => e.preventDefault()")
+    drop = "e => { e.preventDefault(); emit(e.dataTransfer.getData('text/plain')); }"
+    return widget.on("drop", lambda e: view.written(element, e.args), js_handler=drop)
+
+
+def _handle(view: PageView, element: Element) -> Any:
+    start = f"e => e.dataTransfer.setData('text/plain', '{element.value}')"
+    widget = ui.element("div").classes("bench-row").props("draggable=true")
+    return widget.on("dragstart", js_handler=start)
 
 
 def _details(view: PageView, element: Element) -> Any:
@@ -391,6 +405,8 @@ _WIDGETS: dict[str, Callable[[PageView, Element], Any]] = {
     "html": lambda view, e: ui.html(e.content, sanitize=False),
     "folder": _folder,
     "details": _details,
+    "tile": _tile,
+    "handle": _handle,
     "stack": lambda view, e: ui.element("div"),
     "card": lambda view, e: ui.element("div").classes("bench-card"),
     "tools": lambda view, e: ui.element("div").classes("bench-tools"),

@@ -24,7 +24,7 @@ class Element:
         given: any of the attributes.
 
     Attributes:
-        value: of a field.
+        value: of a field; number of the tile that was dragged onto a tile.
         options: of a choice, or the columns of a table.
         hint: shown where the pointer rests.
         visible: it is there.
@@ -161,7 +161,7 @@ def accepted(element: Element, value: Any) -> Any:
     """
     if element.kind in ("text", "lines", "choice") and not isinstance(value, str):
         raise ValueError(f"no text for {element.label!r:.60}")
-    if element.kind == "choice" and value not in element.options:
+    if element.kind in ("choice", "tile") and value not in element.options:
         raise ValueError(f"no option of {element.label!r:.60}")
     if element.kind == "check" and not isinstance(value, bool):
         raise ValueError(f"no yes or no for {element.label!r:.60}")

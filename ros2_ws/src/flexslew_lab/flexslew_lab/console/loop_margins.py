@@ -1,10 +1,7 @@
 """Stability and margins of the controllers' linear loops, computed beside the page."""
 
-import os
-import threading
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -31,8 +28,8 @@ class LoopMargin(NamedTuple):
 class LoopMargins:
     """The margins of each controller about the rest after the plan, or the start without one.
 
-    One is computed at a time, in a thread with the lowest priority, so that a bench on the same
-    machine has the processor first. Each result is kept as long as its settings are.
+    One is computed at a time, in a thread of its own, which takes about half a second of a
+    processor. The latest results are kept.
 
     Args:
         view: view of the bench.
@@ -40,7 +37,7 @@ class LoopMargins:
 
     def __init__(self, view: BenchView) -> None:
         self._view = view
-        self._worker = ThreadPoolExecutor(1, "margins", _lowest_priority)
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="margins")
         self._found: dict[_Key, LoopMargin] = {}
         self._job: tuple[_Key, Future[LoopMargin]] | None = None
 
@@ -90,8 +87,3 @@ def _margin(trial: Trial, controller: str, plan: Plan | None) -> LoopMargin:
 
 def _refused(error: Exception) -> LoopMargin:
     return LoopMargin(str(error) if isinstance(error, BadInput) else one_line(error))
-
-
-def _lowest_priority() -> None:
-    with suppress(OSError, AttributeError):  # a system without priorities of threads
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 19)

@@ -47,7 +47,7 @@ body, .body--dark { background: var(--page) !important; color: var(--text); font
 .bench-card .active { font-weight: 600; }
 .bench-card .q-btn, .bench-top .bench-row + .q-btn { overflow-wrap: anywhere; }
 .bench-field { width: 100%; margin: 4px 0; }
-.bench-slider { padding: 0 12px; }
+.bench-slider { padding: 0 12px; box-sizing: border-box; }
 .bench-page .q-btn { margin: 2px 4px 2px 0; padding: 2px 8px; max-width: 100%; }
 .bench-right .q-tab-panel { padding: 6px 2px; }
 .bench-right .q-tab-panels, .bench-dialog { background: var(--panel); color: var(--text); }
@@ -63,6 +63,7 @@ body, .body--dark { background: var(--page) !important; color: var(--text); font
 .bench-grid { display: grid; grid-template-columns: 1fr 1fr; gap: 4px 8px; }
 .bench-grid > * { min-width: 0; }
 .bench-grid .bench-field { margin: 0; }
+.bench-row[draggable] { cursor: grab; }
 .bench-grid .bench-row { flex-wrap: nowrap; gap: 0 4px; }
 .bench-grid .bench-chart { resize: vertical; overflow: hidden; }  /* by its lower right corner */
 .bench-chart { width: 100%; height: clamp(120px, 35vh - 128px, 340px); }

@@ -78,11 +78,16 @@ class CardsPanel:
         except BadInput as error:
             self._reply.tell(RequestResult(False, str(error)))
             return
-        states = {name, self._view.now.active}  # the state of the bench may come after the answer
+        was_active = False
+
+        def holds() -> bool:  # the state of the bench may come after the answer
+            nonlocal was_active
+            was_active = was_active or self._view.now.active == name
+            return not was_active or self._view.now.active == name
 
         def then(result: RequestResult) -> None:
             if result.ok:
-                self._reply.tell(result, lambda: self._view.now.active in states)
+                self._reply.tell(result, holds)
 
         self._reply.ask(
             topics.SWITCH_CONTROLLER, values, then, lambda: self._view.now.active == name

@@ -1,5 +1,6 @@
 """Four charts over simulated time: which signals, which window, events as vertical lines."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -48,12 +49,17 @@ class ChartsPanel:
                 hint = "the log keeps everything"
                 context.click(gui.button("Clear the charts", hint=hint), self._clear)
             with gui.add("grid"):
+                plots = self._layouts.active_plots()
+                numbers = tuple(map(str, range(len(plots))))
                 self._charts = [
-                    _Chart(context, selected_name) for selected_name in self._layouts.active_plots()
+                    _Chart(context, name, number, numbers)
+                    for name, number in zip(plots, numbers, strict=True)
                 ]
         self._name = gui.text("Name of the layout", hint="what the four charts show")
         context.click(gui.button("Save the layout"), self._save)
         self._reply = ReplyLine(context)
+        for chart in self._charts:
+            context.change(chart.place, partial(self._exchange, chart))
         context.change(self._pause, self._on_pause)
         context.change(self._layout, self._choose)
 
@@ -105,6 +111,12 @@ class ChartsPanel:
         for chart, selected_name in zip(self._charts, self._layouts.active_plots(), strict=True):
             chart.what.value = selected_name
 
+    def _exchange(self, chart: "_Chart", who: str) -> None:
+        """Exchange a chart with the one that was dragged onto it."""
+        other = self._charts[int(chart.place.value)]
+        chart.what.value, other.what.value = other.what.value, chart.what.value
+        chart.place.value = ""
+
     def _save(self, who: str) -> None:
         try:
             self._layouts.save(self._name.value, [chart.what.value for chart in self._charts])
@@ -119,17 +131,20 @@ class ChartsPanel:
 class _Chart:
     """One chart with the choice of its quantity."""
 
-    def __init__(self, context: PanelContext, quantity: str) -> None:
-        self._view = context.view
-        with context.gui.folder() as place:
-            with context.gui.add("row"):
-                self.what = context.gui.choice("Chart", (*quantities.NAMES, _NONE), value=quantity)
+    def __init__(
+        self, context: PanelContext, quantity: str, number: str, numbers: tuple[str, ...]
+    ) -> None:
+        gui, self._view = context.gui, context.view
+        with gui.add("tile", options=numbers, value="") as self.place:
+            with gui.add("handle", value=number):
+                self.what = gui.choice("Chart", (*quantities.NAMES, _NONE), value=quantity)
+                self.what.hint = "drag it onto another chart to exchange both"
                 kinds = ("CSV", "PNG", "SVG")
-                context.gui.add("save", "Save", hint=_SAVE, options=kinds, data=place)
+                gui.add("save", "Save", hint=_SAVE, options=kinds, data=self.place)
             self._labels: tuple[object, ...] = ()
             self._last_state: tuple[object, ...] = ()
             empty_data = ChartData(options([]), chart_update(np.zeros(0), [], np.zeros(0)))
-            self._plot = context.gui.add("chart", "chart", data=empty_data)
+            self._plot = gui.add("chart", "chart", data=empty_data)
         context.change(self.what, lambda who: self.force_update())
 
     def draw(
