@@ -64,7 +64,7 @@ def test_the_page_shows_what_the_command_says_of_the_gains_that_fly(hands: Hands
     assert 'href="/run/analysis.html"' in texts
     page = hands.page.server.gate.files["analysis.html"].read_text().replace("<wbr>", "")
     assert "Nichols" in page
-    assert f"{np.degrees(expected.efforts[0].phase):.5g}" in page
+    assert f"{np.degrees(expected.efforts[0].phase):.4g}" in page
 
 
 def settled(hands: Hands) -> str:
