@@ -51,7 +51,7 @@ body, .body--dark { background: var(--page) !important; color: var(--text); font
 .bench-page .q-btn { margin: 2px 4px 2px 0; padding: 2px 8px; max-width: 100%; }
 .bench-right .q-tab-panel { padding: 6px 2px; }
 .bench-right .q-tab-panels, .bench-dialog { background: var(--panel); color: var(--text); }
-.bench-right .q-tab { padding: 0 5px; min-width: 0; min-height: 32px; }
+.bench-right .q-tab { padding: 0 2px; min-width: 0; min-height: 32px; }
 .bench-right .q-tab__label { font-size: 13px; }
 .bench-right .q-tab--inactive { opacity: 1; }
 .bench-right .q-tabs__content { flex-wrap: wrap; justify-content: flex-start; }
