@@ -237,7 +237,8 @@ def _dialog(view: PageView, element: Element, text: str, confirm: bool) -> Any:
 
 def _help(view: PageView, element: Element) -> Any:
     keys = {"Space": "brake", "Enter": "press what has the focus", "Esc": "close a dialog"}
-    keys |= {e.key: e.hint or e.label for e in view.gui.all() if e.key}
+    fixed = [e for e in view.gui.all() if e.key and not e.key.isdigit()]  # cards come and go
+    keys |= {e.key: e.hint or e.label for e in fixed} | element.data
     rows = (f"<tr><td><kbd>{k}</kbd><td>{html.escape(what)}" for k, what in keys.items())
     return _dialog(view, element, f"<h2>Keys</h2><table>{''.join(rows)}</table>", False)
 

@@ -32,7 +32,7 @@ class Element:
         low, high, step: of a slider or a number.
         content: HTML.
         data: of a chart, a table or a scene; never changed, only replaced. Of a button that saves
-            a chart, the place of the chart.
+            a chart, the place of the chart. Of a help, what more keys do.
         color: of a button.
         key: that works it.
         children: what stands in it.

@@ -43,7 +43,8 @@ class HeaderPanel:
                 self._rate = gui.choice("Rate", tuple(_RATES), value="1")
                 question = "Return to tick 0? What was flown stays in the log."
                 reset = gui.add("confirm", "Reset", key="r", hint=question, color="blue-grey-8")
-            gui.add("help", "?", key="?", hint="keys of this page")
+            more = {"1 to 9": "switch to the first, second, ... controller"} if live else {}
+            gui.add("help", "?", key="?", hint="keys of this page", data=more)
             self._reply = ReplyLine(context)
             self._notice = gui.html()
             self._choices = gui.add("row", visible=False)
