@@ -41,7 +41,7 @@ def test_a_page_whose_console_has_ended_says_what_to_do(tmp_path: Path) -> None:
         with _console(tmp_path) as page:
             port = page.server.port
             browser.open(page.server.address, 1024, 768)
-            browser.until("return document.getElementById('bench-line') !== null")
+            browser.until("return document.getElementById('bench-state') !== null")
         browser.until(_SAYS, "the console has ended", within=60.0)
         with _console(tmp_path, port):
             browser.until(_SAYS, "Another console answers here now", within=60.0)
