@@ -205,7 +205,7 @@ def _works(browser: Browser, link: FakeLink) -> None:
     assert link.request[-1][1]["action"] == "reset"
     browser.until("return !document.querySelector('.q-dialog')")
     browser.press("?", "Slash")
-    keys = "return document.querySelector('.q-dialog')?.innerText.includes('lqr takes over')"
+    keys = "return document.querySelector('.q-dialog')?.innerText.includes('switch to the first')"
     browser.until(keys)
     assert browser.run(PALE) == []
     browser.click("//*[contains(@class, 'q-dialog')]//button[normalize-space()='Close']")
