@@ -95,7 +95,8 @@ def restore(run: Path) -> Path:
     if not source.is_dir():
         trash = folder.parent / TRASH
         known = sorted(path.name for path in trash.iterdir()) if trash.is_dir() else []
-        raise BadInput(f"is not in the trash; there is: {', '.join(known) or 'nothing'}", run)
+        there = f"{', '.join(known) or 'nothing'} in {trash}"
+        raise BadInput(f"is not in the trash; there is: {there}; give the path it had", run)
     if folder.exists():
         raise BadInput("its place is taken; rename what is there", run)
     source.rename(folder)
