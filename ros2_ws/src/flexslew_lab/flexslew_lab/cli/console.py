@@ -27,7 +27,6 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
 if TYPE_CHECKING:
-    from flexslew_lab.console.page import Page
     from flexslew_lab.run.run_trial import Result
     from flexslew_lab.trial.trial import Trial
 
@@ -155,36 +154,25 @@ def _run_in_process(
     page, over = Page(bench, host, port, print_message), Signal()
     if browser:
         page.server.open_browser()
-    pages = Thread(target=_serve, args=(page, over))
+    pages = Thread(target=page.serve, args=(over,))
     pages.start()
+    exit_code = SIGNAL_EXIT_CODE
     try:
         with display_progress(requested.name, "ticks", "flying") as on_progress:
             result = run_trial(
                 requested, source, folder, in_process=bench.fly, progress=on_progress,
                 notify=print_message,
             )  # fmt: skip
-        _print_result(result)
+        exit_code = _print_result(result)
         over.wait()
-        return result.exit_code
     except KeyboardInterrupt:
-        report = folder / "report.html"
-        if not report.exists() and (folder / "bag").exists():
+        if exit_code == SIGNAL_EXIT_CODE and (folder / "bag").exists():  # before its end
             finished(folder, requested.trust, report=False)
             print_message(str(folder))
-            return SIGNAL_EXIT_CODE
-        return result.exit_code
     finally:
         over.set()
         pages.join()
-
-
-def _serve(page: "Page", over: Signal) -> None:
-    """Serve a page until it is over."""
-    try:
-        while not over.wait(page.poll()):
-            pass
-    finally:
-        page.close()
+    return exit_code
 
 
 def _requested(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from threading import Event
 from time import monotonic, process_time
 
 from flexslew_lab.console.desk import PagePanel, PanelContext
@@ -93,6 +94,14 @@ class Page:
         if bench.state != "running" or bench.rate_factor:
             return FRAME
         return min(max((self._process_time - before) / SHARE, FRAME), _MAX_FRAME_INTERVAL)
+
+    def serve(self, over: Event) -> None:
+        """Serve bench and pages until it is over, then end all pages."""
+        try:
+            while not over.wait(self.poll()):
+                pass
+        finally:
+            self.close()
 
     def close(self) -> None:
         """End all pages."""

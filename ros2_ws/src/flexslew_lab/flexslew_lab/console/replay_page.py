@@ -31,11 +31,7 @@ def serve(
         BadInput: the bag cannot be read, or the port cannot be opened.
     """
     link = Replay(bag, trust)
-    page, never = Page(link, host, port, notify, link), Event()
+    page = Page(link, host, port, notify, link)
     if browser:
         page.server.open_browser()
-    try:
-        while not never.wait(page.poll()):
-            pass
-    finally:
-        page.close()
+    page.serve(Event())  # which never comes

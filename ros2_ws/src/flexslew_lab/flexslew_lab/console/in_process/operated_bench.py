@@ -89,7 +89,7 @@ class OperatedBench:
             self.session, list(self._hosts.values()), observer, self._event, testbed, trial.trust
         )
         if plan is not None:
-            self.plans.begin_with(plan)
+            self.plans.release.begin_with(plan)
         self._announce()
         self.now = self._state()
 
@@ -294,8 +294,8 @@ class OperatedBench:
             while host.events:
                 self._event(host.events.popleft())
             reason = host.reason
-            if self.session.reasons.get(host.name, "") != reason:
-                self._report(host)
+            if self._statuses[host.name][0] != reason:
+                self._announce()
             self._bench.set_ready_status(host.name, reason)
             if answer is not None:
                 self._observer.answer(answer)
@@ -324,7 +324,7 @@ class OperatedBench:
         settings = settings_text(host.controller, law, host.values, host.due)
         fields = status_fields(host, law, reason, settings)
         self.session.receive(host.name, reason is None, str(reason or ""))
-        self.plans.take_status(self._observer.status(fields))
+        self.plans.release.laws.take_status(self._observer.status(fields))
 
     def _state(self) -> Now:
         session, bench = self.session, self._bench

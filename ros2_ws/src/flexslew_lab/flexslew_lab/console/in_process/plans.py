@@ -119,14 +119,6 @@ class LocalPlans:
         refused = {name: why for (name, key), why in self._refused.items() if key == digest}
         return PlanResponse(taken, {n: w for n, w in refused.items() if n not in taken}, ())
 
-    def begin_with(self, plan: Plan) -> None:
-        """Let the controllers follow the plan of the trial."""
-        self.release.begin_with(plan)
-
-    def take_status(self, status: Any) -> None:
-        """Take a flexslew_msgs/ControllerStatus."""
-        self.release.laws.take_status(status)
-
     def draft(
         self, request: str, who: str, progress: Callable[[Iterate], None], then: PlanCallback
     ) -> None:
