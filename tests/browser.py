@@ -1,7 +1,9 @@
 """A headless Chromium, driven over the WebDriver protocol, for tests that look at a page."""
 
+import atexit
 import json
 import os
+import re
 import shutil
 import subprocess
 import tempfile
@@ -9,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from time import sleep
 from typing import Any
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
@@ -187,40 +190,52 @@ def chromium(*more: str) -> Iterator[Browser]:
     if found is None:
         pytest.skip(NO_CHROMIUM)
     binary, driver = found
+    root = _serving(driver)
     with tempfile.TemporaryDirectory() as profile:
-        child = subprocess.Popen(
-            [*_unprivileged(), driver, "--port=0"],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-        )
+        options = {
+            "binary": binary,
+            "args": [
+                "--headless=new",
+                "--no-sandbox",
+                "--disable-gpu",
+                "--disable-dev-shm-usage",
+                "--hide-scrollbars",
+                "--disable-background-networking",
+                f"--user-data-dir={profile}",
+                *more,
+            ],
+        }
+        requested = {"goog:chromeOptions": options, "goog:loggingPrefs": {"browser": "ALL"}}
+        answer = _call("POST", f"{root}/session", {"capabilities": {"alwaysMatch": requested}})
+        session = f"{root}/session/{answer['sessionId']}"
         try:
-            assert child.stdout is not None
-            line = next(text for text in child.stdout if "started successfully on port" in text)
-            root = f"http://127.0.0.1:{line.rsplit(' ', 1)[1].strip().rstrip('.')}"
-            options = {
-                "binary": binary,
-                "args": [
-                    "--headless=new",
-                    "--no-sandbox",
-                    "--disable-gpu",
-                    "--disable-dev-shm-usage",
-                    "--hide-scrollbars",
-                    "--disable-background-networking",
-                    f"--user-data-dir={profile}",
-                    *more,
-                ],
-            }
-            requested = {"goog:chromeOptions": options, "goog:loggingPrefs": {"browser": "ALL"}}
-            answer = _call("POST", f"{root}/session", {"capabilities": {"alwaysMatch": requested}})
-            session = f"{root}/session/{answer['sessionId']}"
-            try:
-                yield Browser(session)
-            finally:
-                _call("DELETE", session, None)
+            yield Browser(session)
         finally:
-            child.terminate()
-            child.wait(10)
+            _call("DELETE", session, None)
+
+
+@cache
+def _serving(driver: str) -> str:
+    """Return the address of chromedriver: one for all browsers of this process, which ends it."""
+    output = tempfile.TemporaryFile("w+")  # noqa: SIM115 (kept while the driver runs)
+    child = subprocess.Popen(
+        [*_unprivileged(), driver, "--port=0"], stdout=output, stderr=subprocess.STDOUT
+    )
+    atexit.register(_end, child)
+    address: re.Match[str] | None = None
+    while address is None:
+        ended = child.poll()
+        output.seek(0)
+        text = output.read()
+        assert ended is None, f"{driver} ended at its start with {ended}: {text}"
+        address = re.search(r"started successfully on port (\d+)", text)
+        sleep(0.02)
+    return f"http://127.0.0.1:{address[1]}"
+
+
+def _end(child: "subprocess.Popen[bytes]") -> None:
+    child.terminate()
+    child.wait(10)
 
 
 def _unprivileged() -> list[str]:

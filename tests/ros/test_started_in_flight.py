@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from flexslew_msgs.msg import ControllerStatus
 from flexslew_msgs.srv import SetRate
 from rclpy.duration import Duration
 from std_srvs.srv import Trigger
@@ -20,7 +19,7 @@ from flexslew_plant.graph.topics import (
     PLANNED_TRAJECTORY,
     TOPICS,
 )
-from flexslew_plant.ros.offers import qos
+from flexslew_plant.ros.offers import qos, subscription
 
 from .bystander import beside
 from .flight import Flight, again, slew
@@ -82,11 +81,10 @@ def test_who_is_in_charge_before_it_hears_the_plan_that_is_flown_joins_it(tmp_pa
     def act(pids: dict[str, int], domain: int) -> None:
         with beside(domain) as bystander:
             assert bystander.ask(Trigger, "pause").success
-            bystander.node.create_subscription(
-                ControllerStatus,
+            subscription(
+                bystander.node,
                 CONTROLLER_STATUS,
                 lambda status: statuses.update({status.controller: status}),
-                qos(TOPICS[CONTROLLER_STATUS]),
             )
             for name in ("planner", "pd_feedforward"):
                 os.kill(pids[name], signal.SIGKILL)

@@ -15,7 +15,7 @@ from rclpy.task import Future
 
 from flexslew_plant.graph import topics
 from flexslew_plant.refusal import NO_TESTBED
-from flexslew_plant.ros.offers import qos
+from flexslew_plant.ros.offers import subscription
 from tests.ros.bystander import Bystander, beside
 from tests.ros.flight import again, fork_server
 from tests.ros.one_by_one import CONTROLLER, PLANNER
@@ -53,16 +53,16 @@ class OperatedBench:
         self.dead = set[str]()
         self._killed = set[bytes]()  # the endpoints of the last one
         self._statuses: dict[str, msg.ControllerStatus] = {}  # as they told last
-        self._hear(msg.BenchState, topics.BENCH_STATE, self._on_state)
-        self._hear(msg.ControllerStatus, topics.CONTROLLER_STATUS, self._on_status)
+        subscription(first.node, topics.BENCH_STATE, self._on_state)
+        subscription(first.node, topics.CONTROLLER_STATUS, self._on_status)
         self._actions = {
             name: ActionClient(first.node, action.PlanSlew, name)
             for name in (topics.PLAN_SLEW, topics.DRAFT_PLAN)
         }
-        first.until(lambda: bool(self.state.state) and {*self.controllers} <= {*self._statuses})
-
-    def _hear(self, kind: Any, topic: str, take: Any) -> None:
-        self.first.node.create_subscription(kind, topic, take, qos(topics.TOPICS[topic]))
+        first.until(
+            lambda: bool(self.state.state) and {*self.controllers} <= {*self._statuses},
+            lambda: f"states: {self.state}; statuses: {[*self._statuses]}",
+        )
 
     def _on_state(self, state: msg.BenchState) -> None:
         self.state = state
@@ -123,7 +123,8 @@ class OperatedBench:
     def let_go(self) -> None:
         """Wait until the node that was killed last has left the graph: else it might be asked."""
         self.first.until(
-            lambda: not self._killed & {bytes(end.endpoint_gid) for end in self._ends()}
+            lambda: not self._killed & {bytes(end.endpoint_gid) for end in self._ends()},
+            lambda: f"the graph keeps the dead: {self._ends()}",
         )
 
     def start_again(self, name: str) -> None:
@@ -140,7 +141,7 @@ class OperatedBench:
 
     def _meet_planner(self) -> None:
         for client in self._actions.values():
-            self.first.until(client.server_is_ready)
+            self.first.until(client.server_is_ready, lambda: "no planner is met")
             _answered(self.first, partial(client.send_goal_async, NOTHING))
         while self.plan(topics.DRAFT_PLAN, NOTHING.request).message == str(NO_TESTBED):
             self.first.listen(0.05)  # until it has heard what stands there

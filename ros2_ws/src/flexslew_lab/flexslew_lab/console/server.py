@@ -120,6 +120,8 @@ def _nicegui() -> tuple[asyncio.AbstractEventLoop, Any]:
         message_history_length=_HISTORY, binding_refresh_interval=None, tailwind=False,
     )  # fmt: skip
     core.app.on_exception(_invalid)
+    # no bar over the page while the browser requests something: it has no name for a screen reader
+    core.app.config.quasar_config["loadingBar"]["skipHijack"] = True
     loop = asyncio.new_event_loop()
     loop.set_exception_handler(lambda _, context: _invalid(context.get("exception")))
     Thread(target=loop.run_forever, daemon=True, name="pages").start()
