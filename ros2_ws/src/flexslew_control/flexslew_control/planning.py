@@ -19,7 +19,7 @@ from flexslew_plant.joint_quantities import require_units_of_joints
 from flexslew_plant.keys.units import number_in
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Cause, Refusal
-from flexslew_plant.testbeds import default_testbed, has_initial_rates, with_changes
+from flexslew_plant.testbeds import at_rest, default_testbed, starts_in_motion, with_changes
 from flexslew_plant.yaml_data import load_yaml
 
 MOST_TICKS = 1_000_000  # of a manoeuvre
@@ -220,10 +220,10 @@ def _from_reference(
 
     A section without a key for it, as a user's own may be, begins where the bench does.
     """
-    if has_initial_rates(plant.testbed):  # those rates were at tick 0
-        section: Any = plant.testbed
-        at_rest = replace(section, initial=type(plant.testbed.initial)(**initial))
-        plant = replace(plant, testbed=at_rest)
+    if starts_in_motion(plant.testbed):  # those rates were at tick 0
+        section: Any = at_rest(plant.testbed)
+        section = replace(section, initial=type(plant.testbed.initial)(**initial))
+        plant = replace(plant, testbed=section)
     if not hasattr(settings, "initial"):
         testbed = with_changes(plant.testbed, {"initial": initial}, "plan", plant.trust)
         return settings, replace(plant, testbed=testbed)

@@ -43,7 +43,7 @@ from flexslew_control.planners.residual.whole_bench import (
 from flexslew_control.planners.slew import ExcessTorque, Feedback, Slew, known_motors, slew_of
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import plain
-from flexslew_plant.testbeds import has_initial_rates
+from flexslew_plant.testbeds import starts_in_motion
 
 # of the way to the goal
 _EXACT = 1e-5  # residual above which efforts are made exact for their hold [m/rad or -]
@@ -145,7 +145,7 @@ class SlewPlanner:
                 plan = joints_at_rest(plan, slew, allowed)
             on_model = predicted(plan, slew)
         from_rest = on_model
-        if has_initial_rates(slew.testbed):
+        if starts_in_motion(slew.testbed):
             on_model = predicted(plan, slew, in_motion=True)
         figures = {
             **self._residual_warning(settings, from_rest, motion_warning(from_rest, on_model)),

@@ -31,6 +31,7 @@ from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.run.outcome import Outcome
 from flexslew_lab.run.prediction_gap import prediction_gap
 from flexslew_lab.trial.angles import doubtful_angles
+from flexslew_lab.trial.assumed_rest import assumed_rest
 from flexslew_lab.trial.outputs import WITHOUT, new_folder
 from flexslew_lab.trial.own_code import HASH_KEY, user_code_hash
 from flexslew_lab.trial.trial import Trial, plan_of_trial, set_plan, set_up, trial_text
@@ -104,7 +105,7 @@ def run_trial(
         from flexslew_lab.run.shared_memory import require_shared_memory
 
         require_shared_memory()
-    for words in doubtful_angles(trial):  # such a goal may have no plan
+    for words in (*doubtful_angles(trial), *assumed_rest(trial)):  # such a goal may have no plan
         warned(words)
     prepared = prepare_trial(trial, source) if isinstance(requested, Trial) else requested
     load_user_metrics(

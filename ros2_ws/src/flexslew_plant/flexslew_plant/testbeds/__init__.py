@@ -26,6 +26,7 @@ from pydantic import (
 
 from flexslew_plant.entries import table, union
 from flexslew_plant.errors import BadInput
+from flexslew_plant.keys.refused_keys import SectionError
 from flexslew_plant.known_joints import unknown_joint
 from flexslew_plant.own_code import NO_CODE, Trust, find_class
 from flexslew_plant.settings import plain, validated
@@ -36,11 +37,13 @@ from flexslew_plant.testbeds.model import Appendages as Appendages
 from flexslew_plant.testbeds.model import Model as Model
 from flexslew_plant.testbeds.model_file import model_of as model_of
 from flexslew_plant.testbeds.model_file import with_model_file as with_model_file
+from flexslew_plant.testbeds.start import at_rest as at_rest
 from flexslew_plant.testbeds.start import consistent_positions as consistent_positions
-from flexslew_plant.testbeds.start import has_initial_rates as has_initial_rates
+from flexslew_plant.testbeds.start import initial_motion as initial_motion
 from flexslew_plant.testbeds.start import initial_positions as initial_positions
 from flexslew_plant.testbeds.start import initial_state as initial_state
 from flexslew_plant.testbeds.start import initial_states as initial_states
+from flexslew_plant.testbeds.start import starts_in_motion as starts_in_motion
 
 # isort: split
 # the testbeds, a line each
@@ -110,13 +113,18 @@ def _user_testbed(values: Any, info: ValidationInfo) -> Any:
 
 
 def _known_joints(testbed: Any) -> Any:
-    """Return a testbed after checking that `initial`, if it is a mapping, has only its joints."""
+    """Return a testbed after checking that `initial` and `initial_motion` name what it has."""
     initial = getattr(testbed, "initial", None)
     if isinstance(initial, dict) and initial:
         joints = testbed.model().joint_names
         for name in initial:
             if name not in joints:
                 raise ValueError(f"initial: {unknown_joint(name, joints)}")
+    if initial_motion(testbed) is not None:
+        try:
+            initial_state(testbed)
+        except BadInput as error:
+            raise SectionError(str(error)) from None
     return testbed
 
 
@@ -164,7 +172,7 @@ def with_changes(
     """Return the testbed with some of its keys changed, nested sections key by key.
 
     A change of `kind` starts from that kind's defaults. Where the change takes a joint away, its
-    position in `initial` goes with it.
+    position in `initial` goes with it. `initial_motion` is kept as it is.
 
     Raises:
         BadInput: see read_testbed.
@@ -172,7 +180,11 @@ def with_changes(
     if changes.get("kind", testbed.kind) != testbed.kind:
         return read_testbed(dict(changes), source, trust)
     known = replace(trust, names=trust.names | {testbed.kind})  # it has been loaded before
-    base = plain(testbed)
+    base, motion = plain(testbed), initial_motion(testbed)
+    if motion is not None and "initial_motion" not in changes:  # a model may have fewer modes
+        changed: Any = with_changes(at_rest(testbed), changes, source, trust)
+        moving: Testbed = replace(changed, initial_motion=motion)
+        return moving
     start = base.get("initial")
     if not isinstance(testbed.initial, dict) or not start:
         return read_testbed(_merged(base, changes), source, known)

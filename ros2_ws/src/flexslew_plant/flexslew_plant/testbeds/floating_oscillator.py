@@ -17,6 +17,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import Positive, section
 from flexslew_plant.testbeds.contract import require_no_payload
 from flexslew_plant.testbeds.entry import TestbedEntry
+from flexslew_plant.testbeds.initial_motion import InitialMotion
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Appendages, Model
 from flexslew_plant.testbeds.scene import Scene, slider
@@ -57,6 +58,7 @@ class FloatingOscillatorTestbed:
     parameters: FloatingOscillatorParameters = FloatingOscillatorParameters()
     # joint positions at the start, at rest
     initial: FloatingOscillatorInitial = FloatingOscillatorInitial()
+    initial_motion: InitialMotion | None = None  # rates and deflections at the start; null: at rest
     effort_limit: tuple[Positive] = (1.0,)  # force limit of the drive [N]
 
     operating_point: ClassVar[dict[str, float]] = {}

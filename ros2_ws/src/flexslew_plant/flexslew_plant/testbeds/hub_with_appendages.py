@@ -22,6 +22,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.contract import require_no_payload
 from flexslew_plant.testbeds.entry import TestbedEntry
+from flexslew_plant.testbeds.initial_motion import InitialMotion
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Appendages, Model
 from flexslew_plant.testbeds.scene import POINTS, Scene, rod, turntable
@@ -72,7 +73,8 @@ class HubTestbed:
     # damping ratio of the mode, hub held [-]
     damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
     parameters: HubParameters = HubParameters()  # numbers of the testbed
-    initial: HubInitial = HubInitial()  # joint positions at the start, at rest
+    initial: HubInitial = HubInitial()  # joint positions at the start
+    initial_motion: InitialMotion | None = None  # rates and deflections at the start; null: at rest
     effort_limit: tuple[Positive] = (2.0 * FOOT_POUND,)  # torque limit of the drive, 2 ft lb [N m]
 
     operating_point: ClassVar[dict[str, float]] = {}

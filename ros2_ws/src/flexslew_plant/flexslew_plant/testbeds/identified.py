@@ -21,6 +21,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, section
 from flexslew_plant.testbeds.contract import RigidTurn, require_no_payload
 from flexslew_plant.testbeds.entry import TestbedEntry
+from flexslew_plant.testbeds.initial_motion import InitialMotion
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Appendages, Model
 from flexslew_plant.testbeds.scene import Scene, schematic
@@ -99,6 +100,7 @@ class IdentifiedTestbed:
     damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] | None = None
     # joint positions at the start, by name [rad or m]; others 0
     initial: dict[str, float] = Field(default_factory=dict)
+    initial_motion: InitialMotion | None = None  # rates and deflections at the start; null: at rest
     effort_limit: tuple[Positive, ...] = (10.0,)  # of each drive [N m or N]
 
     operating_point: ClassVar[dict[str, float]] = {}
@@ -227,6 +229,7 @@ class IdentifiedTestbed:
             modes=len(kept),
             damping_ratio=None,
             initial={name: value for name, value in self.initial.items() if name == joint},
+            initial_motion=None,
             effort_limit=(self.effort_limit[k],),
         )
 

@@ -1,7 +1,8 @@
 """Where a testbed begins: its joints, and its whole state."""
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, TypeGuard
+from dataclasses import replace
+from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 
@@ -9,9 +10,11 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.known_joints import require_joints
 from flexslew_plant.testbeds.contract import StartsMoving, Testbed
+from flexslew_plant.testbeds.initial_motion import KEY, InitialMotion, moving_state
 from flexslew_plant.testbeds.many import implements
 from flexslew_plant.testbeds.model import Model
 
+_Testbed = TypeVar("_Testbed", bound=Any)
 _SAME = 1e-9  # largest difference of a joint's reading from its position [rad or m]
 
 
@@ -81,7 +84,11 @@ def consistent_positions(
 
 
 def initial_state(testbed: Testbed) -> Vector:
-    """Return [q, v] at the start, appendages straight, at rest unless the testbed moves."""
+    """Return [q, v] at the start: at rest, appendages straight, unless the testbed moves.
+
+    Raises:
+        BadInput: `initial` or `initial_motion` has what the testbed does not have.
+    """
     return _initial_state(testbed, testbed.model())
 
 
@@ -107,22 +114,37 @@ def initial_states(testbeds: Sequence[Testbed], models: Sequence[Model]) -> Matr
 
 def _initial_state(testbed: Testbed, model: Model) -> Vector:
     rest = model.rest(_initial_positions(testbed, model))
-    if _has_rate_method(testbed):
-        return np.concatenate((rest, testbed.initial_rates()))
-    return np.concatenate((rest, np.zeros(model.coordinates)))
+    v = testbed.initial_rates() if _has_rate_method(testbed) else np.zeros(model.coordinates)
+    motion = initial_motion(testbed)
+    return np.concatenate((rest, v)) if motion is None else moving_state(motion, model, rest, v)
 
 
 def _rest_of_numbers(testbed: Testbed, model: Model) -> Any:
     """Return all that a testbed's state at the start depends on; None: more than `initial`."""
     reads = (model.rest_position, model.reading, model.attitude) != (None, None, None)
-    if reads or _has_rate_method(testbed):
+    if reads or _has_rate_method(testbed) or initial_motion(testbed) is not None:
         return None
     return testbed.initial, model.joint_names, model.positions, model.coordinates
 
 
-def has_initial_rates(testbed: Testbed) -> bool:
-    """Return whether a testbed has rates at the start."""
+def starts_in_motion(testbed: Testbed) -> bool:
+    """Return whether a testbed has rates or deflections at the start."""
+    if initial_motion(testbed) is not None:
+        model = testbed.model()
+        q, v = model.split(_initial_state(testbed, model))
+        speeds = np.delete(v, list(model.gimbals))  # whose entries of v are angles
+        return bool(speeds.any() or q[model.positions - model.modes :].any())
     return _has_rate_method(testbed) and bool(testbed.initial_rates().any())
+
+
+def at_rest(testbed: _Testbed) -> _Testbed:
+    """Return a testbed without `initial_motion`."""
+    return testbed if initial_motion(testbed) is None else replace(testbed, initial_motion=None)
+
+
+def initial_motion(testbed: Testbed) -> InitialMotion | None:
+    """Return the section `initial_motion`; None: it has none."""
+    return getattr(testbed, KEY, None)
 
 
 def _has_rate_method(testbed: Any) -> TypeGuard[StartsMoving]:

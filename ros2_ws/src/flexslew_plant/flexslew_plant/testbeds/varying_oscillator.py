@@ -14,6 +14,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.contract import require_no_payload
 from flexslew_plant.testbeds.entry import TestbedEntry
+from flexslew_plant.testbeds.initial_motion import InitialMotion
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Appendages, Model
 from flexslew_plant.testbeds.scene import Scene, slider
@@ -54,6 +55,7 @@ class VaryingOscillatorTestbed:
     parameters: VaryingOscillatorParameters = VaryingOscillatorParameters()
     # where it starts
     initial: VaryingOscillatorInitial = VaryingOscillatorInitial()
+    initial_motion: InitialMotion | None = None  # rates and deflections at the start; null: at rest
     effort_limit: tuple[Positive] = (1000.0,)  # force limit of the drive [N]
 
     operating_point: ClassVar[dict[str, float]] = {}

@@ -56,15 +56,14 @@ def predicted(plan: Plan, slew: Slew, in_motion: bool = False) -> Prediction:
     Args:
         plan: on the ticks of the bench.
         slew: that was requested.
-        in_motion: whether the flight begins at tick 0 with the motion of the testbed's `initial`,
-            and
-            holds the first reference until the plan begins; else it begins at rest with the plan.
+        in_motion: whether the flight begins at tick 0 with the motion with which the testbed starts
+            and holds the first reference until the plan begins; else at rest with the plan.
     """
     model, before = slew.model, 0
     start = np.concatenate((model.rest(slew.named(slew.start)), np.zeros(model.coordinates)))
     if in_motion:
         model, before = slew.testbed.model(), plan.first_tick
-        start[model.positions :] = initial_state(slew.testbed)[model.positions :]
+        start = initial_state(slew.testbed)
     closed_loop = model.linearise(model.rest(slew.named(slew.goal))).with_feedback(slew.kp, slew.kd)
     after = int(np.ceil(monitor_time(closed_loop.eigenvalues, plan.period) / plan.period))
     last = int(np.ceil(plan.duration / plan.period - 1e-9))

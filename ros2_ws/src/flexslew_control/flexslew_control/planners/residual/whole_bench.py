@@ -25,7 +25,7 @@ from flexslew_plant.arrays import Vector, read_only
 from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.sensors import Sensors, SensorSettings, exact_readings
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.testbeds import Testbed, has_initial_rates, initial_state
+from flexslew_plant.testbeds import Testbed, initial_state, starts_in_motion
 from flexslew_plant.testbeds.integration_error import steps_per_tick
 
 _NAME = "in_charge"  # of the controller
@@ -148,7 +148,7 @@ def simulate_on_bench(
 
     The law's own controller flies it in this process, with motors and sensors without errors but
     delays and gaps. It is active from the plan's start on, at rest where the plan begins; where the
-    testbed's `initial` has rates, from tick 0 on with these.
+    testbed starts in motion, from tick 0 on with this motion.
 
     Args:
         plan: for all joints of the bench.
@@ -163,7 +163,7 @@ def simulate_on_bench(
     except BadInput:  # reported where the controllers are built
         return None
     bench = plant.testbed if testbed is None else testbed
-    before = plan.first_tick if start is None and has_initial_rates(bench) else 0
+    before = plan.first_tick if start is None and starts_in_motion(bench) else 0
     if controller.adopt(replace(plan, start=before * plan.period)) or controller.reason:
         return None
     if getattr(controller.law, "flight_only", False):
@@ -176,8 +176,8 @@ def simulate_on_bench(
     x = np.concatenate((rest, np.zeros(model.coordinates)))
     if start is not None:
         x = start
-    elif has_initial_rates(bench):
-        x[model.positions :] = initial_state(bench)[model.positions :]
+    elif starts_in_motion(bench):
+        x = initial_state(bench)
     sensors = Sensors(SensorSettings(), model, plan.period)
     last = before + int(np.ceil(plan.duration / plan.period - 1e-9))
     poles = model.linearise(rest).eigenvalues

@@ -29,6 +29,7 @@ from flexslew_plant.testbeds.csa.equations import (
     unpack,
 )
 from flexslew_plant.testbeds.entry import TestbedEntry
+from flexslew_plant.testbeds.initial_motion import InitialMotion
 from flexslew_plant.testbeds.model import Appendages, Model
 from flexslew_plant.testbeds.scene import POINTS, Scene, rod, turntable
 
@@ -71,7 +72,8 @@ class CsaTestbed:
     # damping ratio of every beam mode [-]
     damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
     parameters: CsaParameters = CsaParameters()  # numbers of the testbed
-    initial: CsaInitial = CsaInitial()  # joint positions at the start, at rest
+    initial: CsaInitial = CsaInitial()  # joint positions at the start
+    initial_motion: InitialMotion | None = None  # rates and deflections at the start; null: at rest
     # torque limits of the drives, one per joint [N m]
     effort_limit: tuple[Positive, Positive] = (150.0, 150.0)
 

@@ -30,6 +30,7 @@ from flexslew_plant.testbeds.contract import (
     UnitSizes,
 )
 from flexslew_plant.testbeds.entry import TestbedEntry
+from flexslew_plant.testbeds.initial_motion import InitialMotion
 from flexslew_plant.testbeds.instruments import ResolverSettings
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
@@ -113,7 +114,9 @@ class SpacecraftTestbed:
     """Any platform with flexible appendages, wheels, gyros and sensors, in YAML."""
 
     kind: Literal["spacecraft"] = "spacecraft"
-    units: UnitSystem = "si"  # unit system of the section but `initial` and errors of `sensors`
+    units: UnitSystem = (
+        "si"  # unit system of all but `initial`, `initial_motion` and errors of `sensors`
+    )
     platform: Platform = Platform()  # the rigid platform
     appendages: dict[str, AppendageSettings] = field(default_factory=dict)  # appendages by name
     wheels: dict[str, WheelSettings] = field(default_factory=dict)  # reaction wheels by name
@@ -125,6 +128,7 @@ class SpacecraftTestbed:
     # sensors besides pose, rates and tips, by name
     sensors: dict[str, AnySensor] = field(default_factory=dict)
     initial: dict[str, float] = field(default_factory=dict)  # by joint [rad or m]
+    initial_motion: InitialMotion | None = None  # rates and deflections at the start; null: at rest
     # angle below which the line of sight counts as settled [rad]
     pointing_tolerance: Positive = 3.490658503988659e-4
     pointing_window: Positive = 10.0  # window of the mean and relative performance errors [s]
@@ -250,7 +254,7 @@ class SpacecraftTestbed:
         """Return the testbed without modes; see contract.ThreeAxes."""
         parts = _fix_hinges(self.appendages, ("passive",))
         rigid_parts = {name: replace(a, only_modes=()) for name, a in parts.items()}
-        return replace(self, appendages=rigid_parts, sensors={})
+        return replace(self, appendages=rigid_parts, sensors={}, initial_motion=None)
 
     def _with_initial_hinges(self) -> "SpacecraftTestbed":
         """Return it with its driven hinges at the angles where they start, counted from there."""
@@ -309,6 +313,7 @@ class SpacecraftTestbed:
                 )
             },
             initial={},
+            initial_motion=None,
         )
 
     def wheeled(self) -> "SpacecraftTestbed":
@@ -334,7 +339,9 @@ class SpacecraftTestbed:
             if not isinstance(sensor, ResolverSettings)
         }
         all_wheels = {**self.wheels, **wheels}
-        return replace(self, control_moment_gyros={}, wheels=all_wheels, sensors=sensors)
+        return replace(
+            self, control_moment_gyros={}, wheels=all_wheels, sensors=sensors, initial_motion=None
+        )
 
     def rigid_turn(self, joint: str) -> RigidTurn:
         """Return what forces and torques turn the rigid spacecraft; see contract.Turning."""
