@@ -11,7 +11,9 @@ from flexslew_msgs.srv import SetRate
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from nav_msgs.msg import Odometry
+from rcl_interfaces.srv import SetParameters
 from rclpy.duration import Duration
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -24,7 +26,7 @@ from flexslew_plant.graph.topics import EVENTS, JOINT_TRAJECTORY, PLANNED_TRAJEC
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import qos
 
-from .bystander import beside
+from .bystander import Bystander, beside
 from .flight import Flight, slew
 
 pytestmark = pytest.mark.ros
@@ -89,6 +91,20 @@ def trajectory(names: list[str], start: float, *points: dict[str, Any]) -> Joint
     return message
 
 
+SHAPED = 6.0  # frequency for which the last trajectory is shaped [rad/s]
+WRONG_SHAPING = {
+    "{shaper: zvx}": "zvx",
+    "{goal: {base_yaw: 1.0}}": "shaping: goal: the trajectory has it",
+    "zvd": "shaping: give keys of input_shaping",
+}
+
+
+def set_shaping(bystander: Bystander, text: str) -> Any:
+    """Return the answer of the planner node to a new value of its parameter `shaping`."""
+    parameters = [Parameter("shaping", value=text).to_parameter_msg()]
+    return bystander.ask(SetParameters, "planner/set_parameters", parameters=parameters).results[0]
+
+
 @pytest.fixture(scope="module")
 def sent(tmp_path_factory: pytest.TempPathFactory) -> tuple[Flight, list[JointTrajectory]]:
     """Return a flight to which trajectories are sent in a pause, and what is heard as planned."""
@@ -126,6 +142,14 @@ def sent(tmp_path_factory: pytest.TempPathFactory) -> tuple[Flight, list[JointTr
                 )
             )  # fmt: skip
             bystander.until(lambda: len(heard) == 2)
+            for text, words in WRONG_SHAPING.items():
+                refused = set_shaping(bystander, text)
+                assert not refused.successful
+                assert words in refused.reason
+            assert set_shaping(bystander, f"{{shaper: zvd, frequencies: [{SHAPED}]}}").successful
+            end = {"positions": [0.25], "velocities": [0.0]}
+            ours.publish(trajectory(["base_yaw"], 13.0, {"at": 1.0, **end}))
+            bystander.until(lambda: len(heard) == 3)
             assert bystander.ask(SetRate, "set_rate", rate_factor=0.0).ok
             assert bystander.ask(Trigger, "start").success
 
@@ -143,7 +167,7 @@ def test_a_trajectory_becomes_a_plan_that_is_flown(
     at = dict(zip(state["tick"].tolist(), state["reference_position"].tolist(), strict=True))
     assert at[799] == pytest.approx([0.1, 0.05])  # the plan before
     assert at[1000] == pytest.approx([0.15, 0.07])
-    assert at[1400] == pytest.approx([0.2, 0.1])
+    assert at[1200] == at[1299] == pytest.approx([0.2, 0.1])
     s, h = 0.25, 2.0  # cubic with rates: Hermite's basis at a quarter of the second piece
     basis = 2 * s**3 - 3 * s**2 + 1, h * (s**3 - 2 * s**2 + s), -2 * s**3 + 3 * s**2
     assert at[1050] == pytest.approx(
@@ -156,7 +180,7 @@ def test_a_trajectory_becomes_a_plan_that_is_flown(
 
 def test_a_plan_is_told_as_a_trajectory(sent: tuple[Flight, list[JointTrajectory]]) -> None:
     flight, heard = sent
-    first, ours = heard
+    first, ours, _ = heard
     assert first.joint_names == ours.joint_names == ["base_yaw", "hub_pitch"]
     assert ours.header.stamp == stamp(8.0)
     assert len(first.points) == 501
@@ -167,7 +191,22 @@ def test_a_plan_is_told_as_a_trajectory(sent: tuple[Flight, list[JointTrajectory
     assert middle.velocities.tolist() == pytest.approx([0.03, 0.01])
     assert last.positions.tolist() == pytest.approx([0.2, 0.1])
     told = recorded(flight.bag, "/planned_trajectory")
-    assert [len(message.points) for message in told] == [501, 401]
+    assert [len(message.points) for message in told] == [501, 401, 206]
+
+
+def test_a_trajectory_is_shaped_as_the_planner_is_set(
+    sent: tuple[Flight, list[JointTrajectory]],
+) -> None:
+    flight, heard = sent
+    shaped = np.array([point.positions for point in heard[-1].points])
+    t = 0.01 * np.arange(len(shaped))
+    delays = np.pi / SHAPED * np.arange(3.0)
+    s = np.clip(t[:, None] - delays, 0.0, 1.0)
+    path = (3.0 * s**2 - 2.0 * s**3) @ [0.25, 0.5, 0.25]
+    assert shaped[:, 0] == pytest.approx(0.2 + 0.05 * path, abs=1e-9)
+    assert shaped[:, 1] == pytest.approx(0.1, abs=1e-12)
+    state = BagReader(flight.bag).columns("/controller_state", {"tick", "reference_position"})
+    assert state["reference_position"][-1] == pytest.approx([0.25, 0.1])
 
 
 def test_a_trajectory_that_cannot_be_flown_is_refused_in_words(

@@ -5,11 +5,8 @@ import pytest
 from tests.plants import plant
 
 from flexslew_control.planners import make_plan
-from flexslew_control.planners.input_shaping.input_shaping import (
-    Command,
-    InputShaping,
-    command_profile,
-)
+from flexslew_control.planners.input_shaping.input_shaping import command_profile
+from flexslew_control.planners.input_shaping.section import Command, InputShaping
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds.csa import CsaTestbed, CsaVariant

@@ -1,16 +1,20 @@
 """Requests of clients, completed by what is known of the bench."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import ceil
 from typing import Any, NamedTuple, Protocol
 
+from flexslew_control.planners.input_shaping.section import InputShaping
 from flexslew_control.planning import PlanRequest, StartOfPlan, plan_request
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.refusal import NO_TESTBED, Refusal
+from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import model_of, read_testbed
 from flexslew_plant.yaml_data import load_yaml
 
+_OF_THE_TRAJECTORY = {"goal", "trajectory", "start", "duration", "command", "initial", "method"}
+ASSUMPTIONS = _MODEL, _SHAPING = "model", "shaping"  # texts that may be set while the node runs
 START_MARGIN = 1.0  # until a plan requested now can start [wall s]
 
 
@@ -59,6 +63,7 @@ class PlanRequests:
 
     Attributes:
         testbed: what stands on the bench; without settings: not known.
+        shaping: keys of input_shaping with which trajectories are shaped; empty: they are not.
     """
 
     def __init__(
@@ -70,11 +75,22 @@ class PlanRequests:
         self._clock, self._trust, self._beginning = clock, trust, beginning
         self._model: dict[str, Any] | None = None  # a testbed's section; None: as each request
         self.testbed = AnnouncedTestbed()
+        self.shaping: dict[str, Any] = {}
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """The joints of the testbed; none before it is known."""
         return tuple(self.testbed.joint_names)
+
+    def set_assumptions(self, changes: Mapping[str, Any]) -> str:
+        """Set some of ASSUMPTIONS, all or none; return why not, or ""."""
+        before = self.shaping
+        why = self.set_shaping(str(changes[_SHAPING])) if _SHAPING in changes else ""
+        if not why and _MODEL in changes:
+            why = self.set_model(str(changes[_MODEL]))
+        if why:
+            self.shaping = before
+        return why
 
     def set_model(self, text: str) -> str:
         """Let requests that name no model believe what was identified; return why not, or "".
@@ -96,6 +112,24 @@ class PlanRequests:
         if here and names != here:
             return f"model: is of {', '.join(names)}; on the bench are {', '.join(here)}"
         self._model = section
+        return ""
+
+    def set_shaping(self, text: str) -> str:
+        """Let trajectories that are received be shaped; return why not, or "".
+
+        Args:
+            text: keys of input_shaping as YAML; empty: trajectories are flown as they are.
+        """
+        try:
+            values = load_yaml(text, "shaping") or {}
+            if not isinstance(values, dict):
+                return "shaping: give keys of input_shaping, for example {shaper: zvd}"
+            for key in _OF_THE_TRAJECTORY & {*values}:
+                return f"shaping: {key}: the trajectory has it; remove it"
+            validated(InputShaping, values, "shaping", self._trust)
+        except BadInput as error:
+            return str(error)
+        self.shaping = values
         return ""
 
     def request(

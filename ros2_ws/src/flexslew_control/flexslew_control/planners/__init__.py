@@ -5,10 +5,11 @@ flexslew.planners. It is a section with `method`, `start` and `plan`, see UserPl
 
 Offers: attitude.one_axis, checks.first_point, excitation.excitation, feedforward.basis,
 feedforward.gauss_newton, feedforward.manoeuvre, feedforward.optimized_feedforward,
-feedforward.shooting, input_shaping.start_coast_stop, law_gains, minimax.limit_curve, progress,
-reference, residual.from_motion, slew, time_optimal.arcs, time_optimal.bang_bang,
-time_optimal.optimal_switching, time_optimal.pontryagin, time_optimal.structures,
-time_optimal.switching, time_optimal.time_optimal, trajectories.
+feedforward.shooting, input_shaping.section, input_shaping.start_coast_stop, law_gains,
+minimax.limit_curve, progress, reference, residual.from_motion, slew, time_optimal.arcs,
+time_optimal.bang_bang, time_optimal.optimal_switching, time_optimal.pontryagin,
+time_optimal.structures, time_optimal.switching, time_optimal.time_optimal, trajectories,
+trajectory_file.
 """
 
 from dataclasses import fields, replace
@@ -133,6 +134,22 @@ def plan_settings(values: Any, source: str, trust: Trust = NO_CODE) -> PlanSetti
     return settings
 
 
+def with_plan_files(settings: Any, source: str, trust: Trust) -> Any:
+    """Return a section with what its files hold in place of their names.
+
+    Args:
+        settings: of any method, or none.
+        source: the file to name in an error.
+        trust: whether files may be read.
+
+    Raises:
+        Untrusted: if a log names a file.
+        BadInput: a file cannot be read, or does not hold what is needed.
+    """
+    entry = PLANNERS.get(getattr(settings, "method", None) or "")
+    return settings if entry is None else entry.with_files(settings, f"{source}: plan", trust)
+
+
 def require_section(settings: PlanSettings, plant: PlantDescription, source: str) -> None:
     """Check what of a section needs no planning: the names of joints, and the model.
 
@@ -187,7 +204,8 @@ def planner_of(settings: PlanSettings) -> PlannerEntry:
     user_entry = PlannerEntry(
         type(settings), SlewPlanner(lambda s, slew, progress: s.plan(slew, progress))
     )
-    return PLANNERS.get(settings.method, user_entry)
+    entry = PLANNERS.get(settings.method, user_entry)
+    return entry.instead(settings) or entry
 
 
 def is_single_axis(settings: PlanSettings, plant: PlantDescription) -> bool:

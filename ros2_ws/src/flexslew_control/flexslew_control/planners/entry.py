@@ -9,6 +9,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners.progress import Progress, ignore
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.entries import default_of
+from flexslew_plant.own_code import Trust
 
 
 class PlanSection(Protocol):
@@ -58,6 +59,9 @@ class PlannerEntry:
         compared: keys of its section where it is compared with other methods.
         variants: compared too.
         example: keys of its section for a plan that is made quickly, where its defaults take long.
+        with_files: returns a section with what its files hold in place of their names, of the
+            section, the source to name in an error and the trust.
+        instead: returns the entry that plans a section in place of this one; None: this one does.
         by_law: keys that each law of a comparison sets as it needs them (LawEntry.plans), with the
             values for a law that sets none; None if one plan serves every law.
     """
@@ -71,6 +75,8 @@ class PlannerEntry:
     variants: tuple[Variant, ...] = ()
     example: Mapping[str, Any] = field(default_factory=dict)
     by_law: Mapping[str, Any] | None = None
+    with_files: Callable[[Any, str, Trust], Any] = lambda settings, source, trust: settings
+    instead: Callable[[Any], "PlannerEntry | None"] = lambda settings: None
 
     @property
     def name(self) -> str:

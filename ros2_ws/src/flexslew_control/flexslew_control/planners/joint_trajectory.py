@@ -8,7 +8,7 @@ joint_trajectory_controller of ros2_controllers).
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -17,8 +17,9 @@ from scipy.interpolate import BPoly
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.attitude_path import body_rates
 from flexslew_control.planners.entry import PlannerEntry, PlanTask
+from flexslew_control.planners.input_shaping.shapers import UNSHAPED, Shaper
 from flexslew_control.planners.slew import Slew, plan_on_ticks, slew_of, tick_times
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.known_joints import ByJoint
 from flexslew_plant.settings import NonNegative, plain, section
@@ -68,68 +69,131 @@ def plan_joint_trajectory(task: PlanTask) -> Plan:
     """
     settings: JointTrajectory = task.settings
     slew = slew_of(settings, task.plant, task.feedback)
-    if not settings.points:
-        raise BadInput("at least one, with `at` and `position`", "plan", "points", [])
-    names = _joints(settings.points, slew)
-    points = _from_rest(settings.points, names, slew)
+    points, names = checked_points(settings.points, slew, "points")
+    motion = motion_along(points, names, slew, settings.start)
+    summary = {
+        "duration": motion.duration,
+        "peak_effort": np.abs(motion.effort).max(axis=0, initial=0.0).tolist(),
+    }
+    request = {**plain(settings), "initial": slew.named(slew.start)}
+    reference = motion.position, motion.velocity
+    plan = plan_on_ticks(settings, slew, reference, motion.effort, summary)
+    return replace(plan, request=request)
+
+
+class PointMotion(NamedTuple):
+    """A motion through points, on the ticks."""
+
+    position: Matrix  # (ticks + 1, joints) [rad or m]
+    velocity: Matrix  # (ticks + 1, joints) [rad/s or m/s]
+    effort: Matrix  # its mean over each tick, (ticks, joints) [N m or N]
+    duration: float  # [s]
+
+
+def motion_along(
+    points: Sequence[TrajectoryPoint],
+    names: Sequence[str],
+    slew: Slew,
+    start: float,
+    shaper: Shaper = UNSHAPED,
+) -> PointMotion:
+    """Return the motion through points, convolved with a shaper; see plan_joint_trajectory.
+
+    Args:
+        points: from time 0 on, see checked_points.
+        names: of the joints that they move.
+        slew: the bench, and where the joints start.
+        start: of the plan [s].
+        shaper: impulses A_i at t_i: the motion is sum A_i q(t - t_i).
+    """
     times = np.array([point.at for point in points])
-    ticks = tick_times(settings.start, float(times[-1]), slew.period)
+    duration = float(times[-1]) + shaper.duration
+    ticks = tick_times(start, duration, slew.period)
     position = np.tile(slew.start, (len(ticks), 1))
     velocity, mean = np.zeros_like(position), np.zeros_like(position[1:])
-    clipped = np.clip(ticks, times[0], times[-1])
     for name in names:
         k = slew.model.joint_names.index(name)
-        position[:, k], velocity[:, k] = _interpolate(points, times, clipped, name)
+        path = _path(points, times, name)
         efforts = np.array([point.effort.get(name, 0.0) for point in points])
-        mean[:, k] = _means(times, efforts, ticks)
+        position[:, k] = 0.0
+        for at, amplitude in zip(shaper.times.tolist(), shaper.amplitudes.tolist(), strict=True):
+            q, v = _followed(path, ticks - at, points[0].velocity.get(name, 0.0), slew.period)
+            position[:, k] += amplitude * q
+            velocity[:, k] += amplitude * v
+            mean[:, k] += amplitude * _means(times + at, efforts, ticks)
     attitude = slew.model.attitude
     if attitude is not None:
         phi, slope = attitude.rotation_vector_of(position), attitude.rotation_vector_of(velocity)
         velocity += (body_rates(phi, slope) - slope) @ attitude.axes.T
-    summary = {
-        "duration": float(times[-1]),
-        "peak_effort": np.abs(mean).max(axis=0, initial=0.0).tolist(),
-    }
-    request = {**plain(settings), "initial": slew.named(slew.start)}
-    plan = plan_on_ticks(settings, slew, (position, velocity), mean, summary)
-    return replace(plan, request=request)
+    return PointMotion(position, velocity, mean, duration)
 
 
-def _interpolate(
-    points: Sequence[TrajectoryPoint], times: Vector, ticks: Vector, name: str
-) -> tuple[Vector, Vector]:
-    """Return position and velocity of a joint at the ticks; at rest at the end."""
+def _path(points: Sequence[TrajectoryPoint], times: Vector, name: str) -> BPoly:
+    """Return the piecewise polynomial of a joint through its points."""
     given = [
         [values[name] for q in _QUANTITIES if name in (values := getattr(point, q))]
         for point in points
     ]
-    path = BPoly.from_derivatives(times, given)
-    rate: Vector = path.derivative()(ticks)
-    rate[0], rate[-1] = points[0].velocity.get(name, 0.0), 0.0
-    return path(ticks), rate
+    return BPoly.from_derivatives(times, given)
+
+
+def _followed(path: BPoly, t: Vector, first_rate: float, period: float) -> tuple[Vector, Vector]:
+    """Return position and velocity along a path at times t; at rest before it and at its end."""
+    begin, end = path.x[0], path.x[-1]
+    inside = np.clip(t, begin, end)
+    rate: Vector = path.derivative()(inside)
+    rate[t <= begin], rate[t >= end - _ON_TICK * period] = 0.0, 0.0
+    rate[t == begin] = first_rate
+    return path(inside), rate
 
 
 def _means(times: Vector, efforts: Vector, ticks: Vector) -> Vector:
-    """Return the mean over each tick of what is linear between points, and zero after the last."""
+    """Return the mean over each tick of what is linear between points, and zero elsewhere."""
     at = np.interp(ticks, times, efforts)
     means: Vector = 0.5 * (at[:-1] + at[1:])
+    off_tick = _ON_TICK * (ticks[1] - ticks[0])
+    means[(ticks[1:] <= times[0] + off_tick) | (ticks[:-1] >= times[-1] - off_tick)] = 0.0
     intervals = np.searchsorted(ticks, times, side="right") - 1
     for k in np.unique(intervals[intervals < len(means)]).tolist():
         begin, end = ticks[k], ticks[k + 1]
         slack = _ON_TICK * (end - begin)
         knots = times[(times > begin + slack) & (times < end - slack)]
         if knots.size:
-            edges = np.unique(np.concatenate(([begin], knots, [min(end, times[-1])])))
+            ends = [max(begin, times[0])], knots, [min(end, times[-1])]
+            edges = np.unique(np.concatenate(ends))
             samples = np.interp(edges, times, efforts)
             means[k] = 0.5 * (samples[1:] + samples[:-1]) @ np.diff(edges) / (end - begin)
     return means
+
+
+def checked_points(
+    points: Sequence[TrajectoryPoint], slew: Slew, key: str
+) -> tuple[tuple[TrajectoryPoint, ...], tuple[str, ...]]:
+    """Return points from time 0 on, where the joints rest unless one is there, and their joints.
+
+    Args:
+        points: as given.
+        slew: the bench, and where the joints start.
+        key: of the section that has them, for an error.
+
+    Raises:
+        BadInput: there is none, or one is not allowed; the error names its key.
+    """
+    if not points:
+        raise BadInput("at least one, with `at` and `position`", "plan", key, [])
+    try:
+        names = _joints(points, slew)
+        return _from_rest(points, names, slew), names
+    except _WrongPoint as error:
+        why, place, value = error.args
+        raise BadInput(why, "plan", f"{key}.{place}", value) from None
 
 
 def _joints(points: Sequence[TrajectoryPoint], slew: Slew) -> tuple[str, ...]:
     """Return the names of the joints of the trajectory after a check of every point.
 
     Raises:
-        BadInput: if a point is not allowed; the error names its key.
+        _WrongPoint: if a point is not allowed; the error names its key.
     """
     names = tuple(points[0].position)
     limit = dict(zip(slew.model.joint_names, slew.effort_limit.tolist(), strict=False))
@@ -156,7 +220,7 @@ def _from_rest(
     """Return the points from time 0 on, where without one of them the joints are at rest.
 
     Raises:
-        BadInput: their times do not rise, or end where they begin.
+        _WrongPoint: their times do not rise, or end where they begin.
     """
     for k, (one, other) in enumerate(pairwise(points)):
         if not other.at > one.at:
@@ -175,8 +239,12 @@ def _from_rest(
     return (rest, *points)
 
 
-def _wrong(number: int, key: str, value: Any, why: str) -> BadInput:
-    return BadInput(why, "plan", f"points.{number}.{key}", value)
+class _WrongPoint(Exception):
+    """A point is not allowed: why, its number and key, and the value."""
+
+
+def _wrong(number: int, key: str, value: Any, why: str) -> _WrongPoint:
+    return _WrongPoint(why, f"{number}.{key}", value)
 
 
 TRAJECTORY = PlannerEntry(

@@ -162,8 +162,9 @@ class FollowTrajectory:
         if self._job.busy:
             return BUSY
         try:
+            requests = self._release.requests
             section = trajectory_section(
-                goal.request.trajectory, self._release.requests.next_start()
+                goal.request.trajectory, requests.next_start(), requests.shaping
             )
         except BadInput as error:
             return error.refusal

@@ -13,6 +13,7 @@ from flexslew_msgs import msg
 
 from flexslew_control.plan_file import load_plan
 from flexslew_control.plan_service.job import Outcome, PlanJob
+from flexslew_control.plan_service.requests import ASSUMPTIONS
 from flexslew_control.planned_course import PATIENCE
 from flexslew_control.ros.follow_trajectory import follow_trajectory
 from flexslew_control.ros.plan_actions import PlanActions
@@ -31,7 +32,6 @@ from flexslew_plant.ros.parameters import handle_changes, new_node, settings_of
 
 _POLL_PERIOD = 0.2  # between two polls at the graph [wall s]
 _PLAN_PERIOD = 0.02  # between two polls at the planning process [wall s]
-_MODEL = "model"  # the parameter that may be set at run time
 _LATE = 0.1  # a poll that comes so much later is the planner's own fault [wall s]
 
 
@@ -43,17 +43,17 @@ class Planner:
         self.node = node = new_node("planner")
         self._alive = alive = loop.only(node, "planner")
         self._presence = alive.heartbeats
-        self._settings: PlannerSettings = settings_of(node, PlannerSettings, (_MODEL,))
+        self._settings: PlannerSettings = settings_of(node, PlannerSettings, ASSUMPTIONS)
         self._job = PlanJob(not self._settings.file, loop.hurry)
         self._next_check = self._next_poll = 0.0
         self._plan_by = inf  # when its own plan is made at the latest [wall s]
         s = self._settings
         self._release = NodePlanRelease(node, loop, alive, s.trust, s.first_law())
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
-        set_model = self._release.requests.set_model
-        if why := set_model(s.model):
+        set_assumptions = self._release.requests.set_assumptions
+        if why := set_assumptions({key: getattr(s, key) for key in ASSUMPTIONS}):
             raise BadInput(why)
-        handle_changes(node, lambda changes: set_model(str(changes.get(_MODEL, ""))))
+        handle_changes(node, set_assumptions)
         self._trajectories = TrajectoryRequests(node, self._job, self._release)
         self._trajectory_server = follow_trajectory(node, loop, self._job, self._release)
         self._watch = PlantWatch(loop, node, testbed, alive.heartbeats, s.exit_with_plant)

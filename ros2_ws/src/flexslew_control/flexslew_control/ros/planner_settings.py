@@ -15,6 +15,9 @@ class PlannerSettings:
     file: str = ""  # a saved plan to publish instead; empty: none
     # text of an identified.yaml: what plans believe that name no model; may be set while paused
     model: str = ""
+    # keys of input_shaping as YAML, with which trajectories of the topic and the action are shaped;
+    # empty: they are flown as they are; may be set at any time
+    shaping: str = ""
     exit_with_plant: bool = False  # end the process when the plant is gone
     trust: tuple[str, ...] = ()  # classes of your own that testbed and requests may name
 

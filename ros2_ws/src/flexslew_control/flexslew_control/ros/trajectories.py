@@ -1,5 +1,6 @@
 """Plans as trajectory_msgs/JointTrajectory, and trajectories as requests to a planner."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -7,17 +8,12 @@ from rclpy.duration import Duration
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from flexslew_control.plan import Plan
-from flexslew_plant.errors import BadInput
+from flexslew_control.planners.input_shaping.section import InputShaping
+from flexslew_control.planners.trajectory_file import QUANTITIES, points_of
 from flexslew_plant.ros.messages import seconds_of, stamp
 
 METHOD = "joint_trajectory"  # of planners
 MOST_POINTS = 5_000  # of a plan as a trajectory; of a longer one only every second tick, third, ...
-_KEYS = {
-    "position": "positions",
-    "velocity": "velocities",
-    "acceleration": "accelerations",
-    "effort": "effort",
-}
 
 
 def trajectory_message(plan: Plan) -> JointTrajectory:
@@ -43,28 +39,29 @@ def trajectory_message(plan: Plan) -> JointTrajectory:
     return message
 
 
-def trajectory_section(message: JointTrajectory, start: float) -> dict[str, Any]:
+def trajectory_section(
+    message: JointTrajectory, start: float, shaping: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
     """Return the `plan` section of the request that a trajectory makes.
 
     Args:
         message: the trajectory.
         start: earliest start, of a trajectory with a stamp of zero [s].
+        shaping: keys of input_shaping with which it is shaped; None or empty: it is not.
 
     Raises:
         BadInput: if no joint is named, or one twice, or a point has numbers for others.
     """
-    names = list(message.joint_names)
-    if not names or len({*names}) < len(names):
-        raise BadInput("one joint or more, each once", METHOD, "joint_names", names)
     start_time = seconds_of(message.header.stamp)
-    points = []
-    for k, point in enumerate(message.points):
-        values: dict[str, Any] = {"at": seconds_of(point.time_from_start)}
-        for key, field in _KEYS.items():
-            given = getattr(point, field).tolist()
-            if given and len(given) != len(names):
-                words = f"one number for each of joint_names, {', '.join(names)}"
-                raise BadInput(words, METHOD, f"points.{k}.{field}", given)
-            values[key] = dict(zip(names, given, strict=False))
-        points.append(values)
-    return {"method": METHOD, "start": start_time or start, "points": points}
+    rows = [
+        (
+            seconds_of(point.time_from_start),
+            {field: getattr(point, field).tolist() for field in QUANTITIES.values()},
+        )
+        for point in message.points
+    ]
+    points = points_of(message.joint_names, rows, METHOD)
+    begin = {"start": start_time or start}
+    if shaping:
+        return {**shaping, **begin, "method": InputShaping.method, "trajectory": points}
+    return {**begin, "method": METHOD, "points": points}

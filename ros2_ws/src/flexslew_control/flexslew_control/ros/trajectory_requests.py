@@ -33,7 +33,8 @@ class TrajectoryRequests:
             self._done(flight, BUSY)
             return
         try:
-            section = trajectory_section(message, self._release.requests.next_start())
+            requests = self._release.requests
+            section = trajectory_section(message, requests.next_start(), requests.shaping)
         except BadInput as error:
             self._done(flight, error.refusal)
             return

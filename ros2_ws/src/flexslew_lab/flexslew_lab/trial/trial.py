@@ -25,6 +25,7 @@ from flexslew_control.planners import (
     make_plan,
     plan_settings,
     require_section,
+    with_plan_files,
 )
 from flexslew_control.planners.checks.first_point import with_jump
 from flexslew_control.planners.law_gains import law_gains
@@ -267,6 +268,7 @@ def _with_files(trial: Trial, source: str) -> Trial:
     model = getattr(plan, "model", None)
     if isinstance(model, dict):
         plan = replace(plan, model=with_model_file(model, f"{source}: plan.model", trial.trust))
+    plan = with_plan_files(plan, source, trial.trust)
     if read == trial.controllers and plan is trial.plan:
         return trial
     return replace(trial, controllers=read, plan=plan)

@@ -4,10 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.given_file import given_text
+from flexslew_plant.named_file import data_of_file
 from flexslew_plant.near_names import spelling_hint
-from flexslew_plant.own_code import NO_CODE, Trust, require_file
-from flexslew_plant.yaml_data import load_yaml
+from flexslew_plant.own_code import NO_CODE, Trust
 
 FILE = "file"  # key of a `model` section
 _MODEL = "model"  # key of the file
@@ -37,12 +36,7 @@ def with_model_file(
     path = given.pop(FILE)
     if not isinstance(path, str) or not path:
         raise BadInput("the path of an identified.yaml", source, FILE, path)
-    require_file(trust, path, f"{source}: {FILE}")
-    try:
-        text = given_text(path)
-    except BadInput as error:
-        raise BadInput(error.refusal.why, f"{source}: {FILE}: {path}") from None
-    values = load_yaml(text, f"{source}: {path}")
+    values = data_of_file(path, f"{source}: {FILE}", trust)
     return {**model_of(values, f"{source}: {FILE}: {path}"), **given}
 
 

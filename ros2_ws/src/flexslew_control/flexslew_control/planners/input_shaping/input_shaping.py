@@ -1,53 +1,28 @@
 """The planner that shapes a rigid command such that the appendages end at rest."""
 
-from typing import Literal, TypeAlias
+from typing import Any
 
 import numpy as np
-from pydantic import Field
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude.attitude_goal import GoalKey
 from flexslew_control.planners.entry import PlannerEntry, Variant
+from flexslew_control.planners.input_shaping.section import Command, InputShaping, ShapedBy
+from flexslew_control.planners.input_shaping.shaped_modes import modes_of_file
 from flexslew_control.planners.input_shaping.shaped_motion import (
     FINE,
     clamped_frequencies,
     mean_efforts,
     nominal_motion,
 )
-from flexslew_control.planners.input_shaping.shapers import (
-    ShaperName,
-    convolve,
-    make_shaper,
-)
+from flexslew_control.planners.input_shaping.shaped_trajectory import plan_shaped_trajectory
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import ExcessTorque, Slew, plan_on_ticks, tick_times
 from flexslew_control.planners.slewing import SlewPlanner
-from flexslew_control.shared_keys import DesignModel, Initial, Start
+from flexslew_control.planners.trajectory_file import points_of_file
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import Positive, section
-
-Command: TypeAlias = Literal["cubic", "quintic", "sin2", "bang_bang"]
-
-
-@section
-class InputShaping:
-    """A rigid command convolved with impulses, so that the modes end at rest."""
-
-    method: Literal["input_shaping"] = "input_shaping"
-    model: DesignModel = None
-    initial: Initial = None
-    goal: GoalKey = None
-    start: Start = 0.0
-    duration: Positive = 15.0  # duration of the command before shaping [s]
-    command: Command = "quintic"  # profile before shaping
-    shaper: ShaperName = "zv"  # input shaper
-    # frequencies to shape [rad/s]; empty: those of the model with its joints held
-    frequencies: tuple[Positive, ...] = ()
-    damping: float = Field(default=0.0, ge=0.0, lt=1.0)  # damping ratio of the shaped modes [-]
-    # residual vibration that the EI shapers tolerate [-]
-    tolerance: float = Field(default=0.05, gt=0.0, lt=0.5)
-    negative: bool = False  # whether negative impulses are allowed
+from flexslew_plant.own_code import Trust
+from flexslew_plant.settings import plain, validated
 
 
 def plan_input_shaping(settings: InputShaping, slew: Slew, progress: Progress) -> Plan:
@@ -64,13 +39,8 @@ def plan_input_shaping(settings: InputShaping, slew: Slew, progress: Progress) -
     if slew.static:
         raise BadInput("plan: goal: the joints are there already; give another goal")
     model = slew.model
-    frequencies = settings.frequencies or clamped_frequencies(model)
-    shaper = convolve(
-        [
-            make_shaper(settings.shaper, w, settings.damping, settings.tolerance, settings.negative)
-            for w in frequencies
-        ]
-    )
+    shaped = ShapedBy.of(settings, [(w, settings.damping) for w in clamped_frequencies(model)])
+    shaper = shaped.shaper
     duration = settings.duration + shaper.duration
     ticks = tick_times(settings.start, duration, slew.period)
     h = slew.period / FINE
@@ -95,15 +65,7 @@ def plan_input_shaping(settings: InputShaping, slew: Slew, progress: Progress) -
     q, v = q[::FINE], v[::FINE]
     summary = {
         "duration": duration,
-        "shaper_delay": shaper.duration,
-        "impulse_times": shaper.times.tolist(),
-        "impulse_amplitudes": shaper.amplitudes.tolist(),
-        "frequencies": [float(w) for w in frequencies],
-        "sensitivity": [
-            row
-            for w in frequencies[:1]
-            for row in shaper.sensitivity(w, settings.damping, 0.3, 61).tolist()
-        ],
+        **shaped.summary,
         "modal_residual": [
             float(np.hypot(q[-1, j], v[-1, j] / w))
             for j, w in enumerate(clamped_frequencies(model), m)
@@ -149,8 +111,24 @@ def _pulse(y: Vector) -> tuple[Vector, Vector, Vector]:
     )
 
 
+def with_files(settings: InputShaping, source: str, trust: Trust) -> InputShaping:
+    """Return a section with the trajectory and the modes of its files; see PlannerEntry."""
+    given: dict[str, Any] = {}
+    if isinstance(settings.trajectory, str):
+        given["trajectory"] = points_of_file(settings.trajectory, source, trust)
+    if isinstance(settings.modes, str):
+        given["modes"] = modes_of_file(settings.modes, source, trust)
+    if not given:
+        return settings
+    changed: InputShaping = validated(InputShaping, {**plain(settings), **given}, source, trust)
+    return changed
+
+
+_SHAPED_TRAJECTORY = PlannerEntry(InputShaping, plan_shaped_trajectory, slews=False)
 SHAPING = PlannerEntry(
     InputShaping,
     SlewPlanner(plan_input_shaping, exact=lambda s: s.shaper != "none"),
+    with_files=with_files,
+    instead=lambda s: _SHAPED_TRAJECTORY if s.trajectory is not None else None,
     variants=(Variant("zvd", {"shaper": "zvd"}),),
 )

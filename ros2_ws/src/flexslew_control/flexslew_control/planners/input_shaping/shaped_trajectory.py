@@ -1,0 +1,50 @@
+"""A trajectory of others, shaped before it is flown."""
+
+from dataclasses import replace
+from typing import Any
+
+from flexslew_control.plan import Plan
+from flexslew_control.planners.entry import PlanTask
+from flexslew_control.planners.input_shaping.section import InputShaping, ShapedBy
+from flexslew_control.planners.input_shaping.shaped_modes import modes_along
+from flexslew_control.planners.joint_trajectory import checked_points, motion_along
+from flexslew_control.planners.slew import plan_on_ticks, slew_of
+from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.settings import plain
+
+
+def plan_shaped_trajectory(task: PlanTask) -> Plan:
+    """Return the plan of a trajectory convolved with the impulses of a shaper.
+
+    q_d(t) = sum A_i q_r(t - t_i), of positions, rates and efforts of every joint; an attitude is
+    convolved as its rotation vector.
+
+    Raises:
+        BadInput: points that are not allowed, see joint_trajectory; or keys of a slew beside them.
+        PlanFailed: negative impulses need more effort than a drive has.
+    """
+    settings: InputShaping = task.settings
+    slew = slew_of(settings, task.plant, task.feedback)
+    if isinstance(settings.trajectory, str) or settings.trajectory is None:
+        words = "give its points; a file is read where the trial is read"
+        raise BadInput(words, "plan", "trajectory", settings.trajectory)
+    points, names = checked_points(settings.trajectory, slew, "trajectory")
+    feedforward = any(any(point.effort.values()) for point in points) or task.feedback is None
+    shaped = ShapedBy.of(settings, modes_along(slew, feedforward, settings.damping))
+    motion = motion_along(points, names, slew, settings.start, shaped.shaper)
+    peak = abs(motion.effort).max(axis=0, initial=0.0)
+    for name, needed, limit in zip(slew.model.joint_names, peak, slew.effort_limit, strict=True):
+        if needed > limit:
+            raise PlanFailed(
+                f"the shaped trajectory needs {needed:.4g} on {name}, the limit is {limit:g}; "
+                "give a slower one, or negative: false"
+            )
+    summary: dict[str, Any] = {
+        "duration": motion.duration,
+        **shaped.summary,
+        "peak_effort": peak.tolist(),
+    }
+    reference = motion.position, motion.velocity
+    plan = plan_on_ticks(settings, slew, reference, motion.effort, summary)
+    request = {**plain(settings), "initial": slew.named(slew.start)}
+    return replace(plan, request=request)
