@@ -170,3 +170,9 @@ def test_a_wheel_beyond_its_speed_is_refused() -> None:
 def test_a_body_rate_needs_a_free_platform() -> None:
     with pytest.raises(BadInput, match=r"body_rate\.x: not in this testbed; it has none"):
         read_testbed({"kind": "csa", "initial_motion": {"body_rate": [0.1, 0.0, 0.0]}}, "here")
+
+
+@pytest.mark.parametrize("kind", TESTBEDS)
+def test_a_motion_among_the_positions_is_refused_with_its_place(kind: str) -> None:
+    with pytest.raises(BadInput, match=r"initial\.rates: is a key of testbed\.initial_motion"):
+        read_testbed({"kind": kind, "initial": {"rates": {"roll": 0.1}}}, "here")

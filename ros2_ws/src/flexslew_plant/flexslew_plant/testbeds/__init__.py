@@ -32,6 +32,7 @@ from flexslew_plant.own_code import NO_CODE, Trust, find_class
 from flexslew_plant.settings import plain, validated
 from flexslew_plant.testbeds.contract import Testbed as Testbed
 from flexslew_plant.testbeds.entry import TestbedEntry as TestbedEntry
+from flexslew_plant.testbeds.initial_motion import InitialMotion
 from flexslew_plant.testbeds.many import models_of as models_of
 from flexslew_plant.testbeds.model import Appendages as Appendages
 from flexslew_plant.testbeds.model import Model as Model
@@ -67,7 +68,15 @@ def _kind(values: Any) -> str:
 
 
 def _limited(values: Any) -> Any:
-    """Return a section of a shipped kind with one limit per drive."""
+    """Return a section of a shipped kind with one limit per drive.
+
+    Raises:
+        SectionError: `initial` has a section of `initial_motion`.
+    """
+    initial = values.get("initial") if isinstance(values, dict) else None
+    for key, value in initial.items() if isinstance(initial, dict) else ():
+        if key in vars(InitialMotion()) and isinstance(value, dict | list):
+            raise SectionError(f"testbed.initial.{key}: is a key of testbed.initial_motion")
     entry = TESTBEDS.get(_kind(values))
     plain_data = isinstance(values, dict)
     return _for_all(entry.settings, values) if entry is not None and plain_data else values
