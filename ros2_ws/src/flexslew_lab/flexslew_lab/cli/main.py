@@ -20,6 +20,7 @@ from flexslew_lab.cli.console import console
 from flexslew_lab.cli.early import OPERATING
 from flexslew_lab.cli.gains import gains
 from flexslew_lab.cli.identify import identify
+from flexslew_lab.cli.import_model import import_model
 from flexslew_lab.cli.interrupt import (
     EXIT_TIMEOUT,
     NODES_EXIT_TIMEOUT,
@@ -338,6 +339,7 @@ for _group, _commands in _GROUPS.items():
         app.command(rich_help_panel=_group)(_command)
 _OTHERS = {"allow_extra_args": True, "ignore_unknown_options": True}
 app.command(context_settings=_OTHERS, rich_help_panel="Analyse and identify")(conform)
+app.command("import", rich_help_panel="Analyse and identify")(import_model)
 app.command("test", context_settings=_OTHERS, rich_help_panel="The bench itself")(run_tests)
 
 

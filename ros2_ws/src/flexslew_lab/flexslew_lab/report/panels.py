@@ -42,6 +42,7 @@ class Panel:
     single: bool = False  # whether a label names one point instead of all curves at its x
     x_range: tuple[float, float] | None = None
     y_range: tuple[float, float] | None = None
+    equal: bool = False  # whether both axes have one scale
     _largest: float = 0.0  # of all curves
 
     def line(self, x: Vector, y: Vector, name: str, style: dict[str, Any], **more: Any) -> None:
@@ -83,6 +84,8 @@ class Panel:
         if self.log and self.y_range:  # whole decades: their labels cannot meet
             low, high = np.floor(np.log10(self.y_range[0])), np.ceil(np.log10(self.y_range[1]))
             y |= {"type": "log", "range": [low, high], "dtick": int(np.ceil((high - low) / 5.0))}
+        if self.equal:
+            y["scaleanchor"] = "x"
         if last and self.x_title:
             x["title"] = {"text": self.x_title, "standoff": 4}
         return {

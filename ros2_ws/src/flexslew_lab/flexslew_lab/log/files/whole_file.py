@@ -1,4 +1,4 @@
-"""Text files that are there whole or not at all, in the folder that was chosen and nowhere else."""
+"""Files that are there whole or not at all, in the folder that was chosen and nowhere else."""
 
 import os
 import tempfile
@@ -7,8 +7,8 @@ from pathlib import Path
 from flexslew_plant.errors import BadInput
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a text; a link at this path is replaced, never followed.
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a text in UTF-8, or bytes; a link at this path is replaced, never followed.
 
     Raises:
         BadInput: if a folder has this name.
@@ -22,8 +22,8 @@ def write_whole(path: Path, text: str) -> None:
         error.filename = str(path)
         raise
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
         umask = os.umask(0)
         os.umask(umask)
         os.chmod(temporary, 0o666 & ~umask)  # mkstemp allows no other user to read

@@ -163,6 +163,26 @@ class ModalData:
 
 
 @section
+class FiniteElements:
+    """A finite element model, reduced to its clamped modes; see finite_elements."""
+
+    kind: Literal["finite_elements"] = "finite_elements"
+    # of mass and stiffness: .npz, .mat, or .inp of CalculiX, see Finite elements
+    file: Annotated[Path, AfterValidator(_allowed_file)]
+    # what the hinge holds: node numbers or ranges (`5-9`), node sets, planes (`x=0`); of a file
+    # without nodes: rows from 1; empty: the boundary that the file names
+    boundary: tuple[int | str, ...] = ()
+    modes: Annotated[int, Field(ge=1, le=200)] = 8  # the slowest
+    # of the model: si, slug_ft_lb, mm_t_s or in_lbf_s
+    units: Literal["si", "slug_ft_lb", "mm_t_s", "in_lbf_s"] = "si"
+    # place of the hinge in the model; null: the centre of the boundary [m, ft, mm or in]
+    origin: Triple | None = None
+    tip: int | None = None  # number of the node that is reported as the tip; null: the farthest
+    # of all modes; null: that of the file's damping matrix, or none [-]
+    damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] | None = None
+
+
+@section
 class Damping:
     """C = alpha M + beta K plus ratios of the clamped modes."""
 
@@ -175,7 +195,9 @@ class Damping:
     ) = 0.0
 
 
-Shape: TypeAlias = Annotated[Beam | Membrane | ModalData, Field(discriminator="kind")]
+Shape: TypeAlias = Annotated[
+    Beam | Membrane | ModalData | FiniteElements, Field(discriminator="kind")
+]
 
 
 @section
@@ -183,7 +205,7 @@ class AppendageSettings:
     """One appendage: a hinge, a flexible shape, a rigid body, or both."""
 
     hinge: Hinge = Hinge()  # where it is joined, and how
-    shape: Shape | None = None  # what is flexible: `kind: beam`, `membrane` or `modal_data`
+    shape: Shape | None = None  # what is flexible: a `kind` of shape
     body: Body | None = None  # a rigid body at the hinge
     damping: Damping = Damping()  # C = alpha M + beta K, plus ratios of the clamped modes
     second_order: bool = True  # whether terms of second order in the deflections count

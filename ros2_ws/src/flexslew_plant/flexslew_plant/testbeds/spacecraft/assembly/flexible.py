@@ -11,9 +11,14 @@ from flexslew_plant.testbeds.spacecraft.assembly.bodies import (
     require_physical,
     unit_direction,
 )
+from flexslew_plant.testbeds.spacecraft.finite_elements.imported import (
+    ImportOptions,
+    import_model,
+)
 from flexslew_plant.testbeds.spacecraft.settings import Beam as BeamSettings
 from flexslew_plant.testbeds.spacecraft.settings import (
     Body,
+    FiniteElements,
 )
 from flexslew_plant.testbeds.spacecraft.settings import Membrane as MembraneSettings
 from flexslew_plant.testbeds.spacecraft.shapes.beam import (
@@ -23,7 +28,7 @@ from flexslew_plant.testbeds.spacecraft.shapes.beam import (
     finite_element_beam,
 )
 from flexslew_plant.testbeds.spacecraft.shapes.membrane import membrane
-from flexslew_plant.testbeds.spacecraft.shapes.modal_file import modal_shape
+from flexslew_plant.testbeds.spacecraft.shapes.modal_file import modal_shape, shape_of_data
 from flexslew_plant.testbeds.spacecraft.shapes.selected import (
     TransformedShape,
     select_modes,
@@ -47,11 +52,26 @@ def flexible_shape(shape: object, units: Units, key: str) -> FlexibleShape:
             shape.rings,
             shape.poisson_ratio,
         )
+    if isinstance(shape, FiniteElements):
+        return _finite_elements(shape)
     found = modal_shape(shape.file)  # type: ignore[attr-defined]
     kept = shape.modes  # type: ignore[attr-defined]
     if kept is not None and kept > found.modes:
         raise BadInput(f"the file has {found.modes}", key=f"{key}.shape.modes", value=kept)
     return found if kept is None else select_modes(found, list(range(kept)))
+
+
+def _finite_elements(shape: FiniteElements) -> FlexibleShape:
+    """Return the reduction of a finite element model."""
+    options = ImportOptions(
+        tuple(map(str, shape.boundary)),
+        shape.modes,
+        shape.units,
+        shape.origin,
+        shape.tip,
+        shape.damping_ratio,
+    )
+    return shape_of_data(import_model(shape.file, options).content, shape.file)
 
 
 @lru_cache(maxsize=64)  # the same in every trial of a study

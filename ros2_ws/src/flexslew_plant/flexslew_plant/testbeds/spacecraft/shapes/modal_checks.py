@@ -75,15 +75,20 @@ def require_orthogonal(matrix: Matrix, key: str, path: Path) -> None:
         )
 
 
-def compare_rigid(integrals: Integrals, rigid: tuple[float, Vector, Matrix], path: Path) -> None:
-    """Refuse points with sums that are not the rigid ones of the same file."""
-    mass, first, inertia = rigid
+def require_mass(integrals: Integrals, mass: float, path: Path) -> None:
+    """Refuse points that do not weigh what the same file gives as the mass."""
     if abs(integrals.mass / mass - 1.0) > MASS_TOLERANCE:
         raise BadInput(
             f"rigid.mass: {mass:.6g} is given, the points weigh "
             f"{integrals.mass:.6g}{hint(mass / integrals.mass, 'mass')}",
             path,
         )
+
+
+def compare_rigid(integrals: Integrals, rigid: tuple[float, Vector, Matrix], path: Path) -> None:
+    """Refuse points with sums that are not the rigid ones of the same file."""
+    mass, first, inertia = rigid
+    require_mass(integrals, mass, path)
     size = np.sqrt(np.trace(inertia) / mass)
     found = np.sqrt(np.trace(integrals.inertia) / integrals.mass)
     if abs(found / size - 1.0) > MASS_TOLERANCE:

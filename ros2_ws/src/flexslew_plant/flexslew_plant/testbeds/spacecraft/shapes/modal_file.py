@@ -13,6 +13,7 @@ and either the shape itself
 or what it does to its hinge
     translation       3 x n, sum of m phi
     rotation          3 x n, sum of m r x phi
+or both: these and `rigid` then count in first order, and the points in second
 optionally what a base that spins or accelerates adds to the modal stiffness
     geometric_stiffness.uniform   3 x n x n, per acceleration of all points along x, y, z
     geometric_stiffness.linear    3 x 3 x n x n, per acceleration along x, y, z (first index) that
@@ -51,6 +52,7 @@ from flexslew_plant.testbeds.spacecraft.shapes.modal_checks import (
     compare_rigid,
     modal_masses,
     require_known,
+    require_mass,
     require_orthogonal,
 )
 from flexslew_plant.testbeds.spacecraft.shapes.shape import AppendagePoint, FlexibleShape
@@ -106,7 +108,19 @@ def allowed_file(path: Path, trust: Trust) -> Path:
 @lru_cache(maxsize=16)
 def _shape_of(path: Path, content: bytes) -> FlexibleShape:
     """Return the shape of a file with this content: it is the same in every trial of a study."""
-    data = _read(path, content)
+    return shape_of_data(_read(path, content), path)
+
+
+def shape_of_data(data: dict[str, Any], path: Path) -> FlexibleShape:
+    """Return the shape that modal data describe, in SI.
+
+    Args:
+        data: by the keys above.
+        path: of their file, for an error.
+
+    Raises:
+        BadInput: see modal_shape.
+    """
     require_known(data, _KEYS, path)
     system = str(data.get("units", "si"))
     if system not in UNITS:
@@ -222,6 +236,32 @@ def _from_points(
     shapes = array_of(data, "shapes", (n, k, 3), path).transpose(1, 2, 0)
     zeros = np.zeros((k, 3, n, n))
     integrals = integrals_of(Points(points, masses, shapes, zeros))
+    if "translation" in data or "rotation" in data:
+        first_order, mass = _from_participation(data, n, mass, rigid, path)
+        require_mass(integrals, first_order.mass, path)
+        integrals = replace(
+            first_order,
+            second_1=integrals.second_1,
+            second_2=integrals.second_2,
+            gyroscopic=integrals.gyroscopic,
+        )
+        rigid = None
+    else:
+        mass = _mass_of_points(integrals, mass, path)
+    if rigid is not None:
+        compare_rigid(integrals, rigid, path)
+    at = data.get("tip", int(np.argmax(np.linalg.norm(points, axis=1))))
+    number = isinstance(at, int | float) and not isinstance(at, bool)
+    if not (number and 0 <= at < k and float(at).is_integer()):
+        raise BadInput(f"a whole number from 0 to {k - 1}", path, "tip", at)
+    at = int(at)
+    tip = AppendagePoint(points[at], shapes[at], np.zeros((3, n)), np.zeros((3, n)))
+    line, line_shape = _centre_line(points, masses, shapes)
+    return integrals, mass, tip, line, line_shape
+
+
+def _mass_of_points(integrals: Integrals, mass: Vector | None, path: Path) -> Vector:
+    """Return the modal masses, shape (n,), which must be those of the points."""
     mass_matrix = np.einsum("ijaa->ij", integrals.second_2) / 2.0
     lowest = float(np.linalg.eigvalsh(mass_matrix).min())
     if lowest <= 1e-12 * float(abs(mass_matrix).max()):
@@ -239,16 +279,7 @@ def _from_points(
             f"{mass_matrix[largest, largest]:.6g}{hint(ratio, 'mass')}",
             path,
         )
-    if rigid is not None:
-        compare_rigid(integrals, rigid, path)
-    at = data.get("tip", int(np.argmax(np.linalg.norm(points, axis=1))))
-    number = isinstance(at, int | float) and not isinstance(at, bool)
-    if not (number and 0 <= at < k and float(at).is_integer()):
-        raise BadInput(f"a whole number from 0 to {k - 1}", path, "tip", at)
-    at = int(at)
-    tip = AppendagePoint(points[at], shapes[at], np.zeros((3, n)), np.zeros((3, n)))
-    line, line_shape = _centre_line(points, masses, shapes)
-    return integrals, mass, tip, line, line_shape
+    return mass
 
 
 def _centre_line(points: Matrix, masses: Vector, shapes: Matrix) -> tuple[Matrix, Matrix]:
