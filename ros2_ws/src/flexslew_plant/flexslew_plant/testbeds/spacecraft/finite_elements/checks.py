@@ -17,7 +17,7 @@ _SYMMETRIC = 1e-6  # of the largest entry of a row or of its column
 _NEGATIVE = 1e-9  # of the diagonal, a negative eigenvalue of the mass matrix that is rounding
 _STRAIN = 1e-4  # of the first clamped mode's, of a vector that moves the model rigidly
 _ISOTROPIC = 1e-4  # of the mass, by which its three directions may differ
-_ROUNDING = 1e-12  # of the mass (in kg m) or of the largest inertia
+_ROUNDING = 1e-12  # of the largest entry of a matrix, or of the mass (in kg m)
 _ILL = 1e13  # condition of a stiffness at which frequencies lose their digits
 _RESIDUAL = 1e-5  # of a mode, likewise
 _SIZES = (1e-2, 2e2)  # of an appendage [m]
@@ -39,7 +39,7 @@ def require_matrices(model: FiniteElementModel, path: Path) -> None:
         _require_symmetric(matrix, name, path)
     for name, matrix in (("M", model.mass), ("K", model.stiffness)):
         diagonal = matrix.diagonal()
-        if diagonal.min() < 0.0:
+        if diagonal.min() < -_ROUNDING * diagonal.max():
             words = f"entry {int(diagonal.argmin()) + 1} of its diagonal is negative"
             raise BadInput(words, path, name, float(diagonal.min()))
         if not diagonal.max() > 0.0:
@@ -55,7 +55,7 @@ def _require_symmetric(matrix: csc_array, name: str, path: Path) -> None:
     if not off.nnz:
         return
     size = abs(matrix).max(axis=1).toarray().ravel()
-    allowed = _SYMMETRIC * np.maximum(size[off.row], size[off.col])
+    allowed = _SYMMETRIC * np.maximum(size[off.row], size[off.col]) + _ROUNDING * size.max()
     worst = int((off.data - allowed).argmax())
     if off.data[worst] > allowed[worst]:
         i, j = int(off.row[worst]), int(off.col[worst])
