@@ -14,17 +14,19 @@ from tests.plant.testbeds.spacecraft.finite_elements.frames import (
     arrays,
     saved,
 )
+from tests.plant.testbeds.spacecraft.finite_elements.platforms import (
+    PLATFORM,
+    craft,
+    free_frequencies,
+    platform_matrix,
+)
 
-from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.spacecraft.finite_elements.imported import (
     ImportOptions,
     import_model,
 )
 
 CANTILEVER = np.array([1.8751040687119611, 4.694091132974175, 7.854757438237613])
-PLATFORM = {"mass": 6.0, "centre": [0.1, -0.05, 0.2],
-            "inertia": {"xx": 2.0, "yy": 2.5, "zz": 3.0, "xy": 0.1}}  # fmt: skip
-PLACE = [0.3, 0.2, -0.1]  # of the hinge, in body axes
 
 
 def test_a_cantilever_has_its_closed_form_frequencies_and_effective_masses(tmp_path: Path) -> None:
@@ -60,40 +62,10 @@ def test_rigid_sums_are_those_of_the_frame_about_the_clamp(tmp_path: Path) -> No
     np.testing.assert_allclose(rigid["inertia"], inertia, atol=1e-9)
 
 
-def craft(shape: dict[str, Any], platform: dict[str, Any] = PLATFORM) -> Any:
-    return read_testbed(
-        {"kind": "spacecraft", "platform": platform, "units": "si",
-         "actuators": {"turn": {"kind": "torque", "direction": [0, 0, 1], "limit": 1.0}},
-         "appendages": {"arm": {"hinge": {"place": PLACE}, "shape": shape}}},
-        "here",
-    )  # fmt: skip
-
-
-def free_frequencies(testbed: Any) -> Array:
-    """Return what a floating spacecraft swings with, ascending [Hz]."""
-    model = testbed.model()
-    poles = model.linearise(model.rest({})).eigenvalues
-    swings: Array = np.sort(poles.imag[poles.imag > 1e-2])
-    return swings / (2.0 * np.pi)
-
-
-def crossing(v: Array) -> Array:
-    """Return the matrix of v x."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-
-
 def assembled(data: dict[str, Any], platform: dict[str, Any]) -> Array:
     """Return the same of the whole model with the platform's matrix at its first node [Hz]."""
-    i = {"xy": 0.0, **platform["inertia"]}
-    mass, centre = platform["mass"], np.array(platform.get("centre", [0.0, 0.0, 0.0]))
-    inertia = np.array([[i["xx"], i["xy"], 0], [i["xy"], i["yy"], 0], [0, 0, i["zz"]]])
-    body, cross = np.zeros((6, 6)), crossing(centre)
-    body[:3, :3], body[3:, 3:] = mass * np.eye(3), inertia
-    body[:3, 3:], body[3:, :3] = -mass * cross, mass * cross
-    to_node = np.eye(6)  # motion of the body's origin by that of the node
-    to_node[:3, 3:] = crossing(np.array(PLACE))
     whole = data["M"].copy()
-    whole[:6, :6] += to_node.T @ body @ to_node
+    whole[:6, :6] += platform_matrix(platform)
     squares = eigh(data["K"], whole, eigvals_only=True)
     assert (abs(squares[:6]) < 1e-6 * squares[6]).all()
     return np.sqrt(squares[6:]) / (2.0 * np.pi)
