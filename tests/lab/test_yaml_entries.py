@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from flexslew_control.controllers.linear.law_file import law_from_file
 from flexslew_control.law import plant_description
 from flexslew_control.message_fields import plan_of
 from flexslew_control.plan_file import load_plan
@@ -29,6 +28,7 @@ from flexslew_plant.bench.requested_yaml import requested_yaml
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE
 from flexslew_plant.refusal import Refusal
+from flexslew_plant.system_file import system_from_file
 from flexslew_plant.testbeds.model_file import with_model_file
 from flexslew_plant.testbeds.spacecraft.shapes.modal_file import modal_shape
 from flexslew_plant.yaml_data import load_yaml
@@ -129,7 +129,7 @@ ENTRIES = {
     "study": from_file(load_study),
     "plan": from_file(load_plan),
     "model": from_file(lambda path: with_model_file({"file": str(path)}, "model")),
-    "linear law": from_file(lambda path: law_from_file(str(path), "law")),
+    "linear law": from_file(lambda path: system_from_file(str(path), "law")),
     "modal data": from_file(modal_shape),
     "head of modal data": from_file(
         lambda path: modal_shape(_commented(path)), ending=".csv"

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from flexslew_control.controllers.linear.law_file import law_from_file
 from flexslew_control.plan_file import load_plan
 from flexslew_lab.identification.csv_columns import read_csv
 from flexslew_lab.log.bag_reader import BagReader
@@ -15,13 +14,14 @@ from flexslew_lab.studies.study import load_study
 from flexslew_lab.trial.trial import load_trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.given_file import given_bytes, given_text, open_given
+from flexslew_plant.system_file import system_from_file
 from flexslew_plant.testbeds.model_file import with_model_file
 from flexslew_plant.testbeds.spacecraft.shapes.modal_file import modal_shape
 
 READERS: dict[str, Callable[[Path], object]] = {
-    "law.mat": lambda path: law_from_file(str(path), "law"),
-    "law.npz": lambda path: law_from_file(str(path), "law"),
-    "law.yaml": lambda path: law_from_file(str(path), "law"),
+    "law.mat": lambda path: system_from_file(str(path), "law"),
+    "law.npz": lambda path: system_from_file(str(path), "law"),
+    "law.yaml": lambda path: system_from_file(str(path), "law"),
     "model.yaml": lambda path: with_model_file({"file": str(path)}, "model"),
     "modal.npz": modal_shape,
     "modal.yaml": modal_shape,

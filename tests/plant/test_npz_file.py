@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from flexslew_control.controllers.linear.law_file import law_from_file
 from flexslew_plant.errors import BadInput
 from flexslew_plant.npz_file import LARGEST, read_npz
+from flexslew_plant.system_file import system_from_file
 from flexslew_plant.testbeds.spacecraft.shapes.modal_file import modal_shape
 
 
@@ -51,7 +51,7 @@ CRAFTED = {
 
 
 @pytest.mark.parametrize("name", CRAFTED)
-@pytest.mark.parametrize("read", [read_npz, modal_shape, lambda p: law_from_file(str(p), "x")])
+@pytest.mark.parametrize("read", [read_npz, modal_shape, lambda p: system_from_file(str(p), "x")])
 def test_a_header_that_claims_more_than_there_is_is_refused_in_one_line(
     tmp_path: Path, name: str, read: Callable[[Path], object]
 ) -> None:
@@ -71,7 +71,7 @@ def test_a_small_file_that_unpacks_to_much_is_refused_before_it_is_unpacked(
     subprocess.run([sys.executable, "-c", program, path], check=True, cwd=Path(__file__).parents[2])
     assert path.stat().st_size < 3e6
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    for read in (read_npz, modal_shape, lambda p: law_from_file(str(p), "x")):
+    for read in (read_npz, modal_shape, lambda p: system_from_file(str(p), "x")):
         with pytest.raises((ValueError, BadInput), match=f"at most {LARGEST >> 20} are read"):
             read(path)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000  # [KiB]
@@ -110,4 +110,4 @@ def test_a_small_mat_file_that_unpacks_to_much_is_refused(tmp_path: Path) -> Non
     savemat(path, {"A": np.zeros((6500, 6500))}, do_compression=True)  # 322 MiB
     assert path.stat().st_size < 1e6
     with pytest.raises(BadInput, match="unpacks to more than 256 MiB"):
-        law_from_file(str(path), "x")
+        system_from_file(str(path), "x")

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
-from flexslew_control.controllers.linear.law_file import law_from_file
 from flexslew_control.controllers.linear.linear_law import LinearSettings, to_discrete
 from flexslew_lab.notebook import fly, linear_model, trial
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.system_file import system_from_file
 
 FOLDER = Path(__file__).parents[3] / "docs" / "examples" / "designs"
 DESIGNS = {
@@ -42,7 +42,7 @@ def test_a_trial_flies_what_the_script_makes(
     file = str(tmp_path / "law.npz")
     monkeypatch.setattr(sys, "argv", [script, *kind, file])
     runpy.run_path(str(FOLDER / script))
-    made = law_from_file(file, "test")["system"]
+    made = system_from_file(file, "test")["system"]
     flown = trial(shipped).controllers[name]["system"]
     assert made["inputs"] == flown["inputs"]
     for w in (0.01, 0.1, 0.5, 2.0, 10.0):

@@ -15,7 +15,7 @@ from flexslew_control.analysis.rest import rest_of
 from flexslew_control.analysis.save_law import save_law
 from flexslew_control.controllers import CONTROLLERS, build_controller, with_file
 from flexslew_control.controllers.host import merged
-from flexslew_control.controllers.linear.linear_law import LinearSettings, StateSpace, to_discrete
+from flexslew_control.controllers.linear.linear_law import LinearSettings, to_discrete
 from flexslew_control.law import Reference
 from flexslew_control.linear_form import LinearObserver
 from flexslew_lab.analysis.analysis import loop_analysis
@@ -24,6 +24,7 @@ from flexslew_lab.replay.resim import resim
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import validated
+from flexslew_plant.state_space import StateSpace
 from flexslew_plant.testbeds import read_testbed
 
 D = np.array([[460.0, 0.0, 920.0, 0.0], [0.0, 460.0, 0.0, 920.0]])

@@ -3,7 +3,7 @@
 w are signals by name; see SIGNALS. A continuous one is discretised at the bench's period.
 """
 
-from typing import Literal, TypeAlias
+from typing import Literal
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from flexslew_control.analysis.loop import loop_of, unstable_poles
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.analysis.rest import rest_of
 from flexslew_control.controllers.entry import LawEntry
-from flexslew_control.controllers.linear.law_file import law_from_file
 from flexslew_control.law import (
     Estimate,
     Estimator,
@@ -27,12 +26,12 @@ from flexslew_control.shared_keys import DesignModel, TrackingTime
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.settings import Positive, section
+from flexslew_plant.state_space import StateSpace, matrices
+from flexslew_plant.system_file import system_from_file
 from flexslew_plant.testbeds import design_testbed
 from flexslew_plant.testbeds.integration_error import steps_per_tick
 from flexslew_plant.testbeds.model import Model
-
-Rows: TypeAlias = tuple[tuple[float, ...], ...]
 
 # of joints, then of appendages; error is the reference minus what is measured
 SIGNALS = ("error", "error_rate", "position", "rate", "reference", "reference_rate", "applied",
@@ -40,20 +39,6 @@ SIGNALS = ("error", "error_rate", "position", "rate", "reference", "reference_ra
 _OF_APPENDAGES = ("tip", "curvature")
 _CLOSE = 1e-6  # above one: rounding of a motion that nothing holds
 _TRACKING_TIMES = 10.0  # time constants of the anti-windup in which a state may grow e-fold
-
-
-@section
-class StateSpace:
-    """A linear system; a file of MATLAB calls the keys A, B, C, D and Ts."""
-
-    a: Rows = ()  # A, rows of numbers; none: gains alone
-    b: Rows = ()  # B
-    c: Rows = ()  # C
-    d: Rows | None = None  # D; null: zero
-    period: NonNegative = 0.0  # Ts [s], the bench's; 0: continuous
-    # signals; none: `error.JOINT` of every joint, then `error_rate.JOINT`
-    inputs: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ()  # `effort.JOINT`; none: every joint
 
 
 @section
@@ -182,7 +167,7 @@ def _folded(settings: LinearSettings, model: Model, period: float) -> Lti:
     m, given = len(joints), settings.system or StateSpace()
     inputs = given.inputs or _default_inputs(given, joints)
     outputs = given.outputs or joints
-    a, b, c, d = _matrices(given, len(inputs), len(outputs))
+    a, b, c, d = matrices(given, len(inputs), len(outputs))
     if given.period and abs(given.period - period) > 1e-9 * period:
         raise BadInput(
             f"system.period: {given.period:g} s is not allowed: the bench ticks every {period:g} s;"
@@ -220,25 +205,6 @@ def _default_inputs(given: StateSpace, joints: tuple[str, ...]) -> tuple[str, ..
     rates = tuple(f"error_rate.{joint}" for joint in joints)
     count = len(rows[0]) if rows else 0
     return (errors + rates)[:count] if count in (0, len(joints), 2 * len(joints)) else errors
-
-
-def _matrices(given: StateSpace, k: int, m: int) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """Return A, B, C and D for k inputs and m outputs, checked for their shape."""
-    n = len(given.a)
-    found = []
-    shapes = {"a": (n, n), "b": (n, k), "c": (m, n), "d": (m, k)}
-    for name, shape in shapes.items():
-        rows = getattr(given, name)
-        if not rows and (0 in shape or name == "d"):
-            found.append(np.zeros(shape))
-            continue
-        if len(rows) != shape[0] or any(len(row) != shape[1] for row in rows):
-            raise BadInput(
-                f"system.{name}: give {shape[0]} rows of {shape[1]} numbers, for {n} states, "
-                f"{k} inputs and {m} outputs"
-            )
-        found.append(np.array(rows, dtype=np.float64).reshape(shape))
-    return found[0], found[1], found[2], found[3]
 
 
 def to_discrete(
@@ -345,4 +311,4 @@ def linear(estimator: Estimator, law: LinearLaw, references: list[Reference]) ->
     return form._replace(law=form.law._replace(integration=integration))
 
 
-LINEAR = LawEntry("linear", LinearSettings, build, linear=linear, from_file=law_from_file)
+LINEAR = LawEntry("linear", LinearSettings, build, linear=linear, from_file=system_from_file)

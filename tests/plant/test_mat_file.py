@@ -8,8 +8,8 @@ import pytest
 from scipy.io import savemat
 from scipy.sparse import csc_array, csc_matrix
 
-from flexslew_control.controllers.linear.law_file import law_from_file
 from flexslew_plant.errors import BadInput
+from flexslew_plant.system_file import system_from_file
 
 A, D = np.array([[-1.0, 2.0], [0.0, -3.0]]), np.array([[0.5, 0.0], [0.0, 0.25]])
 DENSE = {"A": A, "B": np.eye(2), "C": np.eye(2), "D": D, "Ts": 0.0}
@@ -17,7 +17,7 @@ DENSE = {"A": A, "B": np.eye(2), "C": np.eye(2), "D": D, "Ts": 0.0}
 
 def read(values: dict[str, Any], folder: Path) -> dict[str, Any]:
     savemat(folder / "law.mat", values)
-    found: dict[str, Any] = law_from_file(str(folder / "law.mat"), "here")["system"]
+    found: dict[str, Any] = system_from_file(str(folder / "law.mat"), "here")["system"]
     return found
 
 

@@ -1,4 +1,4 @@
-"""A linear controller from a file that python-control, MATLAB, NumPy or a person wrote."""
+"""A linear system from a file that python-control, MATLAB, NumPy or a person wrote."""
 
 from io import BytesIO
 from pathlib import Path
@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_control.controllers.linear.mat_file import read_mat
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.given_file import given_bytes, given_text
+from flexslew_plant.mat_file import read_mat
 from flexslew_plant.near_names import spelling_hint
 from flexslew_plant.npz_file import read_npz
 from flexslew_plant.yaml_data import load_yaml
@@ -23,8 +23,8 @@ _READ_ERRORS = (ValueError, TypeError)
 _SUFFIXES = (".mat", ".npz", ".yaml", ".yml", ".json")
 
 
-def law_from_file(path: str, source: str) -> dict[str, Any]:
-    """Return the key `system` of controller `linear` as a file holds it, plain data.
+def system_from_file(path: str, source: str) -> dict[str, Any]:
+    """Return the key `system` of a linear law or testbed as a file holds it, plain data.
 
     Args:
         path: .mat of MATLAB's version 5 to 7, .npz, .yaml or .json with A, B, C, D, Ts (0:
@@ -77,7 +77,7 @@ def _system(values: dict[str, Any], place: str) -> dict[str, Any]:
 
 
 def _require_known(values: dict[str, Any], place: str) -> None:
-    """Refuse a variable that would be ignored: a misspelt `Ts` makes a law continuous."""
+    """Refuse a variable that would be ignored: a misspelt `Ts` makes a system continuous."""
     for name in map(str, values):
         if name == "dt":
             raise BadInput("dt: call the period Ts [s], 0 if continuous", place)

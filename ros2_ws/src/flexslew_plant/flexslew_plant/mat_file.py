@@ -32,7 +32,7 @@ def read_mat(path: Path, numbers: tuple[str, ...], names: tuple[str, ...]) -> di
     with path.open("rb") as file:
         if file.read(128)[124:] == _VERSION_7_3:
             raise ValueError(
-                "it is of MATLAB's version 7.3; save it again with -v7: save law.mat A B C D Ts -v7"
+                "it is of MATLAB's version 7.3; save it again: save system.mat A B C D Ts -v7"
             )
     request = [sys.executable, "-P", __file__, str(path), json.dumps([numbers, names])]
     try:
@@ -71,7 +71,7 @@ def _main(path: str, request: str) -> None:
         dense = value.toarray() if sparse else value
         if np.iscomplexobj(dense):
             if dense.imag.any():
-                raise _NoNumbers(f"{key} holds complex numbers; a law has real ones")
+                raise _NoNumbers(f"{key} holds complex numbers; a system has real ones")
             dense = dense.real
         return dense.tolist()
 
