@@ -22,7 +22,8 @@ def read_mat(path: Path, numbers: tuple[str, ...], names: tuple[str, ...]) -> di
 
     Args:
         path: of MATLAB's version 5 to 7.
-        numbers: variables that hold real numbers, as rows.
+        numbers: variables that hold real numbers, as rows; a sparse matrix with too many zeros for
+            that has keys `shape` and `triplets`: rows and columns from 0, values.
         names: variables that hold text in cells or rows, as lists.
 
     Raises:
@@ -64,6 +65,10 @@ def _main(path: str, request: str) -> None:
         sparse = issparse(value)
         if not sparse and (not isinstance(value, np.ndarray) or value.dtype.kind not in "biufc"):
             raise _NoNumbers(f"{key} holds no matrix of numbers; save A, B, C and D one by one")
+        if sparse and np.prod(value.shape) > _MOST >= value.nnz and not np.iscomplexobj(value):
+            triplets = value.tocoo()
+            parts = (triplets.row, triplets.col, triplets.data)
+            return {"shape": value.shape, "triplets": [part.tolist() for part in parts]}
         if np.prod(value.shape) > _MOST:
             raise _NoNumbers(
                 f"{key} has {value.shape[0]} x {value.shape[1]} numbers, at most {_MOST:,} are read"

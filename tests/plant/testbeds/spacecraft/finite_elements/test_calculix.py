@@ -92,3 +92,72 @@ def test_beam_elements_are_refused_with_the_remedy(tmp_path: Path) -> None:
     path = computed(tmp_path, text)
     with pytest.raises(BadInput, match="use solid elements"):
         import_model(path, ImportOptions(("1",)))
+
+
+def truss_files(folder: Path) -> Path:
+    """Return a deck with the stored matrices of rods between four nodes and a tip, by hand."""
+    places = np.array(
+        [[0, 0, 0], [0, 1, 0], [0, 0, 1], [1.5, 0.3, 0.3], [3, 0.2, 0.1]], dtype=float
+    )
+    stiffness = np.zeros((15, 15))
+    for a in range(5):
+        for b in range(a + 1, 5):
+            along = places[b] - places[a]
+            rod = 1e4 * np.outer(along, along) / np.linalg.norm(along) ** 3
+            for i, j, sign in ((a, a, 1), (b, b, 1), (a, b, -1), (b, a, -1)):
+                stiffness[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] += sign * rod
+    nodes = "".join(f"{k}, {x}, {y}, {z}\n" for k, (x, y, z) in enumerate(places, start=1))
+    (folder / "model.inp").write_text(f"** rods\n*NODE\n{nodes}*NSET, NSET=ROOT\n1, 2,\n3\n")
+    (folder / "model.dof").write_text("".join(f"{k}.{d}\n" for k in range(1, 6) for d in (1, 2, 3)))
+    for ending, matrix in ((".sti", stiffness), (".mas", 2.0 * np.eye(15))):
+        rows = [f"{i + 1} {j + 1}  {matrix[i, j]:.13e}\n" for j in range(15) for i in range(j + 1)]
+        (folder / f"model{ending}").write_text("".join(rows))
+    return folder / "model.inp"
+
+
+def test_stored_matrices_are_read_without_the_program(tmp_path: Path) -> None:
+    found = import_model(truss_files(tmp_path), ImportOptions(("root",), 6))
+    rigid = found.content["rigid"]
+    assert rigid["mass"] == pytest.approx(10.0)
+    np.testing.assert_allclose(found.reduction.origin, [0.0, 1.0 / 3.0, 1.0 / 3.0])
+    np.testing.assert_allclose(
+        rigid["first_moment"], [9.0, 2.0 * (1.5 - 5.0 / 3.0), 2.0 * (1.4 - 5.0 / 3.0)]
+    )
+    free = np.arange(9, 15)
+    squares = np.linalg.eigvalsh(found.model.stiffness.toarray()[np.ix_(free, free)]) / 2.0
+    np.testing.assert_allclose(found.content["frequencies_hz"], np.sqrt(squares) / (2.0 * np.pi))
+
+
+@pytest.mark.parametrize(
+    ("ending", "content", "words"),
+    [
+        (".dof", "1.1\n1.1\n", "a direction twice"),
+        (".dof", "1.1\n1.4\n", "directions must be 1 to 3"),
+        (".dof", "1.1\n9.1\n", "dof: 9 is not allowed: a node without a place"),
+        (".dof", "1;1\n", "node.direction in each line"),
+        (".sti", "1 1\n", "row, column and value"),
+        (".sti", "", "row, column and value"),
+        (".sti", "1 1 2\n99 1 2\n", "whole numbers from 1 to 15"),
+        (".sti", "1 2 3\n2 1 3\n", "one triangle"),
+        (".sti", "1 1 3\n1 1 3\n", "there twice"),
+        (".mas", "1 1 3\n", "M: what the boundary does not clamp has no mass"),
+        (".inp", "*NODE\n1, a\n", "line 2: cannot be read as \\*NODE"),
+        (".inp", "*TRANSFORM, NSET=ROOT\n", "line 1: \\*TRANSFORM is not read"),
+        (".inp", "*NSET, NSET=A\n1\n", "has no \\*NODE"),
+    ],
+)
+def test_a_damaged_file_is_refused_with_its_name(
+    tmp_path: Path, ending: str, content: str, words: str
+) -> None:
+    path = truss_files(tmp_path)
+    path.with_suffix(ending).write_text(content)
+    with pytest.raises(BadInput, match=words) as error:
+        import_model(path, ImportOptions(("ROOT",), 3))
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_file_of_the_four_is_named(tmp_path: Path) -> None:
+    path = truss_files(tmp_path)
+    path.with_suffix(".mas").unlink()
+    with pytest.raises(BadInput, match=r"model\.mas: cannot be read: No such file"):
+        import_model(path, ImportOptions(("ROOT",), 3))

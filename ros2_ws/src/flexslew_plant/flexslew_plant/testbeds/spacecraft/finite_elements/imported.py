@@ -104,9 +104,7 @@ def _ratios(reduction: Reduction, options: ImportOptions, path: Path) -> Vector 
         return None
     ratios: Vector = np.diag(reduction.damping) / (2.0 * reduction.frequencies)
     if not ((ratios >= 0.0) & (ratios < 1.0)).all():
-        words = (
-            f"gives damping ratios from {ratios.min():.3g} to {ratios.max():.3g}; allowed: 0 to 1"
-        )
+        words = f"gives damping ratios from {ratios.min():.3g} to {ratios.max():.3g}, not in 0 to 1"
         raise BadInput(words, path, "C")
     return ratios
 

@@ -158,6 +158,8 @@ def _modes(
     order = np.argsort(inverse)[::-1]
     inverse, vectors = inverse[order], vectors[:, order]
     massive = int((inverse > 1e-13 * inverse[0]).sum()) if inverse[0] > 0.0 else 0
+    if not massive:
+        raise BadInput("what the boundary does not clamp has no mass", path, "M")
     if massive < modes:
         words = f"1 to {massive}: the other clamped degrees of freedom have no mass"
         raise BadInput(words, path, "modes", modes)

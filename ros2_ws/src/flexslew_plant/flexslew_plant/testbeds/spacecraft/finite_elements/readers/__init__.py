@@ -6,16 +6,19 @@ from pathlib import Path
 from flexslew_plant.errors import BadInput
 from flexslew_plant.given_file import MIB, given_bytes
 from flexslew_plant.testbeds.spacecraft.finite_elements.model import FiniteElementModel
-from flexslew_plant.testbeds.spacecraft.finite_elements.readers.arrays import npz_model
+from flexslew_plant.testbeds.spacecraft.finite_elements.readers.arrays import mat_model, npz_model
 from flexslew_plant.testbeds.spacecraft.finite_elements.readers.calculix import (
     ENDINGS as CALCULIX,
 )
 from flexslew_plant.testbeds.spacecraft.finite_elements.readers.calculix import calculix_model
+from flexslew_plant.testbeds.spacecraft.finite_elements.readers.op4 import op4_model
 
 LARGEST = 256 * MIB  # of a file [bytes]
 _READERS: dict[str, tuple[tuple[str, ...], Callable[[Path, dict[str, bytes]], FiniteElementModel]]]
 _READERS = {
     ".npz": ((), npz_model),
+    ".mat": ((), mat_model),
+    ".op4": ((), op4_model),
     **dict.fromkeys(CALCULIX, (CALCULIX, calculix_model)),
 }
 

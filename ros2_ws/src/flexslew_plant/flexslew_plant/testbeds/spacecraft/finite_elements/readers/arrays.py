@@ -20,6 +20,7 @@ from scipy.sparse import coo_array, csc_array, issparse
 
 from flexslew_plant.arrays import Indices
 from flexslew_plant.errors import BadInput
+from flexslew_plant.mat_file import read_mat
 from flexslew_plant.npz_file import read_npz
 from flexslew_plant.testbeds.spacecraft.finite_elements.checks import LARGEST
 from flexslew_plant.testbeds.spacecraft.finite_elements.model import FiniteElementModel
@@ -46,6 +47,28 @@ def npz_model(path: Path, contents: dict[str, bytes]) -> FiniteElementModel:
         if f"{name}_data" in data:
             data[name] = _of_triplets(data, name, path)
     return model_of_arrays({k: v for k, v in data.items() if k not in _TRIPLETS}, 0, path)
+
+
+def mat_model(path: Path, contents: dict[str, bytes]) -> FiniteElementModel:
+    """Return the model of a .mat file of MATLAB.
+
+    Raises:
+        BadInput: see model_of_arrays.
+    """
+    del contents  # which count for the cache alone: its reader is a process of its own
+    try:
+        found = read_mat(path, (*MATRICES, *ARRAYS), ())
+    except ValueError as error:
+        raise BadInput(f"cannot be read as matrices: {error}", path) from None
+    require_known(found, (*MATRICES, *ARRAYS), path)
+    data: dict[str, Any] = {}
+    for key, value in found.items():
+        if isinstance(value, dict):
+            row, column, entries = (np.array(part) for part in value["triplets"])
+            data[key] = coo_array((entries, (row, column)), shape=tuple(value["shape"]))
+        else:
+            data[key] = np.asarray(value, dtype=float)
+    return model_of_arrays(data, 1, path)
 
 
 def _of_triplets(data: dict[str, Any], name: str, path: Path) -> coo_array:
@@ -175,5 +198,6 @@ def _whole(values: NDArray[np.float64], count: int, first: int, key: str, path: 
     good = (values == np.floor(values)) & (values >= first) & (values < first + count)
     if not good.all():
         words = f"whole numbers from {first} to {first + count - 1}"
-        raise BadInput(words, path, key, float(values[~good][0]))
+        wrong = float(values[~good][0])
+        raise BadInput(words, path, key, int(wrong) if wrong.is_integer() else wrong)
     return values.astype(np.int64) - first

@@ -38,12 +38,13 @@ def calculix_model(path: Path, contents: dict[str, bytes]) -> FiniteElementModel
             "nodes of its own; use solid elements (C3D20, C3D10)"
         )
         raise BadInput(words, rows)
+    node = indices_of(table[:, 0], numbers, rows)
     return FiniteElementModel(
         mass=_matrix(contents[".mas"], len(table), path.with_suffix(".mas")),
         stiffness=_matrix(contents[".sti"], len(table), path.with_suffix(".sti")),
         nodes=nodes,
         numbers=numbers,
-        node=indices_of(table[:, 0], numbers, rows),
+        node=node,
         direction=table[:, 1] - 1,
         sets=sets,
     )
