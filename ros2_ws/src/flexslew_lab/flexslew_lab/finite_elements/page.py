@@ -1,15 +1,17 @@
 """The page of an imported finite element model: its numbers, and its modes on its nodes."""
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from flexslew_lab.finite_elements.tables import COLUMNS, mode_rows, verdict
 from flexslew_lab.report.panels import COLOURS, LIGHT, Group, Panel, legend
 from flexslew_lab.report.sections import Section, Table, Text, page_of_sections
-from flexslew_plant.arrays import Matrix
+from flexslew_plant.arrays import Indices, Matrix
 from flexslew_plant.testbeds.spacecraft.finite_elements.imported import ImportedModel
 from flexslew_plant.testbeds.spacecraft.finite_elements.modal_content import displacements
 
-_MOST_DOTS = 1500  # of a drawn mode
+_MOST_NODES = 1500  # of a drawn mode
+_NEIGHBOURS = 4  # of a node, to which it is joined
 _MOST_MODES = 12  # that are drawn
 _LARGEST = 0.15  # deflection that is drawn, of the size of the model
 _NAMES = ("at rest", "mode")
@@ -38,10 +40,11 @@ def _drawn_modes(found: ImportedModel) -> Group:
     """Return a panel with the nodes at rest and deflected for each mode."""
     nodes = found.model.nodes
     assert nodes is not None
-    shown = np.arange(0, len(nodes), 1 + len(nodes) // _MOST_DOTS)
+    shown = np.arange(0, len(nodes), 1 + len(nodes) // _MOST_NODES)
     shapes = displacements(found.model, found.reduction.shapes)[shown]
     places = nodes[shown] - found.reduction.origin
     size = float(np.ptp(nodes, axis=0).max())
+    edges = _edges(places)
     panels = []
     for k, frequency in enumerate(found.content["frequencies_hz"][:_MOST_MODES]):
         panel = Panel(f"mode {k + 1}: {frequency:.4g} Hz", "m", height=220, single=True, equal=True)
@@ -50,14 +53,25 @@ def _drawn_modes(found: ImportedModel) -> Group:
         for one, label, colour in zip(
             (places, deflected), _NAMES, (LIGHT, COLOURS[0]), strict=True
         ):
-            flat: Matrix = one @ _VIEW.T
-            marker = {"size": 3, "color": colour}
-            panel.line(flat[:, 0], flat[:, 1], label, {}, mode="markers", marker=marker)
+            ends = (one @ _VIEW.T)[edges]
+            x, y = np.concatenate((ends, np.full((len(edges), 1, 2), np.nan)), axis=1).T.reshape(
+                2, -1, order="F"
+            )
+            panel.line(x, y, label, {"color": colour, "width": 1.0}, hoverinfo="skip")
         panels.append(panel)
     words = (
-        "Seen from a corner: x to the lower right, y to the upper right, z up, from the hinge [m]. "
+        "Lines join each node to its nearest ones. Seen from a corner: x to the lower right, y to "
+        "the upper right, z up, from the hinge [m]. "
         f"The largest deflection is drawn as {_LARGEST:.0%} of the size."
     )
     entries = legend(_NAMES)
     coloured = (entries[0]._replace(colour=LIGHT), entries[1]._replace(colour=COLOURS[0]))
     return Group("Mode shapes", words, panels, coloured, side_by_side=True)
+
+
+def _edges(places: Matrix) -> Indices:
+    """Return the pairs of nodes of which one is among the nearest of the other, shape (e, 2)."""
+    _, near = cKDTree(places).query(places, k=min(_NEIGHBOURS + 1, len(places)))
+    pairs = np.stack((np.repeat(near[:, :1], near.shape[1] - 1, axis=1), near[:, 1:]), axis=-1)
+    edges: Indices = np.unique(np.sort(pairs.reshape(-1, 2), axis=1), axis=0)
+    return edges

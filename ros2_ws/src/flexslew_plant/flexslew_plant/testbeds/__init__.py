@@ -7,8 +7,9 @@ Offers: attitude, beam, compiled.bound, compiled.dynamics, compiled.interface,
 compiled.scalar_kernel, compiled.batch_kernel, compiled.mass, compiled.push, compiled.traced_kernel,
 contract, csa, floating_oscillator, hub_with_appendages, identified, instruments,
 instruments.instrument, instruments.packed_readers, integration_error, kernels, linearisation,
-model, quaternions, robot_model, scene, spacecraft.assembly.packing, spacecraft.shapes.shape,
-spacecraft.testbed, spacecraft.units.
+model, quaternions, robot_model, scene, spacecraft.assembly.packing,
+spacecraft.finite_elements.imported, spacecraft.finite_elements.modal_content,
+spacecraft.shapes.shape, spacecraft.testbed, spacecraft.units.
 """
 
 from collections.abc import Mapping

@@ -42,10 +42,10 @@ def element(start: Array, end: Array, s: Section) -> tuple[Array, Array]:
     for rows, ea, rho in (((0, 6), s.axial, s.density), ((3, 9), s.twist, s.polar)):
         stiffness[np.ix_(rows, rows)] = ea / length * two
         mass[np.ix_(rows, rows)] = rho * length * rod
-    for rows, ei, sign in (((1, 5, 7, 11), s.bend_z, 1.0), ((2, 4, 8, 10), s.bend_y, -1.0)):
+    for places, ei, sign in (((1, 5, 7, 11), s.bend_z, 1.0), ((2, 4, 8, 10), s.bend_y, -1.0)):
         k, m = bending(length, sign)
-        stiffness[np.ix_(rows, rows)] = ei * k
-        mass[np.ix_(rows, rows)] = s.density * m
+        stiffness[np.ix_(places, places)] = ei * k
+        mass[np.ix_(places, places)] = s.density * m
     along = (end - start) / length
     helper = np.array([0.0, 0.0, 1.0]) if abs(along[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
     across = np.cross(helper, along) / np.linalg.norm(np.cross(helper, along))

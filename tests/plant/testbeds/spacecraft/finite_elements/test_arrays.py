@@ -26,7 +26,7 @@ def frequencies(path: Path, options: ImportOptions = FOUR) -> Any:
 def test_triplets_and_a_mat_file_are_the_same_model(tmp_path: Path) -> None:
     data = arrays(ANGLE)
     expected = frequencies(saved(tmp_path, **data))
-    parts = {}
+    parts: dict[str, Any] = {}
     for name in ("M", "K"):
         sparse = coo_array(data[name])
         parts |= {f"{name}_row": sparse.row, f"{name}_col": sparse.col, f"{name}_data": sparse.data}

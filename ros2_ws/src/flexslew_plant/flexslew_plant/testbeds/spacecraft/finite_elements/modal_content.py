@@ -106,7 +106,7 @@ def _merged(
     cells = _cells(places[kept], min(_MOST_POINTS, _MOST_SHAPES // shapes.shape[2]))
     cells[kept == tip] = cells.max() + 1
     _, group = np.unique(cells, return_inverse=True)
-    total = np.bincount(group, lumps[kept])
+    total: Vector = np.bincount(group, lumps[kept]).astype(float)
     count = len(total)
     points, moves = np.zeros((count, 3)), np.zeros((count, *shapes.shape[1:]))
     np.add.at(points, group, lumps[kept, None] * places[kept])

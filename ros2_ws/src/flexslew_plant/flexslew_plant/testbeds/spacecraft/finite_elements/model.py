@@ -11,7 +11,8 @@ from flexslew_plant.testbeds.spacecraft.units import FOOT, SLUG, UNITS, Units
 
 INCH = FOOT / 12.0  # [m]
 MODEL_UNITS: dict[str, Units] = {
-    **UNITS,
+    "si": UNITS["si"],
+    "slug_ft_lb": UNITS["slug_ft_lb"],
     "mm_t_s": Units(1e-3, 1e3),
     "in_lbf_s": Units(INCH, SLUG * FOOT / INCH),
 }

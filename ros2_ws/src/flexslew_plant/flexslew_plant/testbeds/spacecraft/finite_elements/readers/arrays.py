@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csc_array, issparse
+from scipy.sparse import coo_array, csc_array
 
 from flexslew_plant.arrays import Indices
 from flexslew_plant.errors import BadInput
@@ -157,7 +157,7 @@ def _matrix(data: dict[str, Any], name: str, path: Path) -> csc_array:
     if name not in data:
         raise BadInput("missing: mass M and stiffness K are needed", path, name)
     value = data[name]
-    if not issparse(value):
+    if not isinstance(value, coo_array):
         value = _numbers(data, name, (None, None), path)
     elif value.dtype.kind not in "biuf":
         raise BadInput("is not a matrix of real numbers", path, name)
@@ -176,7 +176,7 @@ def _numbers(
     if key not in data:
         raise BadInput("missing", path, key)
     value = data[key]
-    value = value.toarray() if issparse(value) else np.asarray(value)
+    value = value.toarray() if isinstance(value, coo_array) else np.asarray(value)
     if value.dtype.kind not in "biuf":
         raise BadInput(f"is not an array of real numbers but of {value.dtype}", path, key)
     if len(shape) == 1 and value.ndim == 2 and 1 in value.shape:
@@ -187,10 +187,10 @@ def _numbers(
     if not fits:
         required = " x ".join("any" if b is None else str(b) for b in shape)
         raise BadInput(f"has shape {value.shape}; it must be {required}", path, key)
-    value = value.astype(float)
-    if not np.isfinite(value).all():
+    numbers: NDArray[np.float64] = value.astype(float)
+    if not np.isfinite(numbers).all():
         raise BadInput("holds a number that is not finite", path, key)
-    return value
+    return numbers
 
 
 def _whole(values: NDArray[np.float64], count: int, first: int, key: str, path: Path) -> Indices:

@@ -91,7 +91,8 @@ def _deck(content: bytes, path: Path) -> tuple[Indices, Matrix, dict[str, Indice
     """Return numbers, places and sets of the nodes of a deck."""
     places: dict[int, list[float]] = {}
     sets: dict[str, set[int]] = {}
-    keyword, options = "", {}
+    keyword = ""
+    options: dict[str, str] = {}
     for number, raw in enumerate(content.decode("utf-8", "replace").splitlines(), start=1):
         line = raw.strip()
         if not line or line.startswith("**"):
