@@ -39,7 +39,14 @@ def with_shape(path: str) -> dict[str, Any]:
     }
 
 
-PLACES = [with_law, with_model, with_plan, with_shape]
+def with_finite_elements(path: str) -> dict[str, Any]:
+    appendage = {**APPENDAGE, "shape": {"kind": "finite_elements", "file": path}}
+    return {
+        "testbed": {"kind": "spacecraft", "platform": PLATFORM, "appendages": {"wing": appendage}}
+    }
+
+
+PLACES = [with_law, with_model, with_plan, with_shape, with_finite_elements]
 
 
 def bag_of(trial: dict[str, Any], folder: Path) -> Path:
@@ -52,7 +59,7 @@ def bag_of(trial: dict[str, Any], folder: Path) -> Path:
 
 @pytest.mark.parametrize("place", PLACES)
 def test_a_file_that_a_log_names_is_not_opened(place: Any, tmp_path: Path) -> None:
-    path = str(tmp_path / "its; touch x.yaml")  # it does not exist: opening it is another error
+    path = str(tmp_path / "its; touch x.npz")  # it does not exist: opening it is another error
     bag = bag_of(place(path), tmp_path)
     with pytest.raises(Untrusted, match="refused to read") as caught:
         trial_of(BagReader(bag))

@@ -17,14 +17,18 @@ _MEMORY = 256 << 20  # of a reader, besides its modules [B]
 _TOO_LARGE = 3  # exit code of a reader that needs more
 
 
-def read_mat(path: Path, numbers: tuple[str, ...], names: tuple[str, ...]) -> dict[str, Any]:
+def read_mat(
+    path: Path, numbers: tuple[str, ...], names: tuple[str, ...], sparse: bool = False
+) -> dict[str, Any]:
     """Return these variables of a file as plain data, those that it has; others as None.
 
     Args:
         path: of MATLAB's version 5 to 7.
-        numbers: variables that hold real numbers, as rows; a sparse matrix with too many zeros for
-            that has keys `shape` and `triplets`: rows and columns from 0, values.
+        numbers: variables that hold real numbers, as rows.
         names: variables that hold text in cells or rows, as lists.
+
+        sparse: whether sparse matrices are returned as keys `shape` and `triplets`: rows and
+            columns from 0, values.
 
     Raises:
         OSError: it cannot be opened.
@@ -35,7 +39,7 @@ def read_mat(path: Path, numbers: tuple[str, ...], names: tuple[str, ...]) -> di
             raise ValueError(
                 "it is of MATLAB's version 7.3; save it again: save system.mat A B C D Ts -v7"
             )
-    request = [sys.executable, "-P", __file__, str(path), json.dumps([numbers, names])]
+    request = [sys.executable, "-P", __file__, str(path), json.dumps([numbers, names, sparse])]
     try:
         done = subprocess.run(request, capture_output=True, text=True, timeout=_TIMEOUT, check=True)
     except subprocess.TimeoutExpired:
@@ -62,10 +66,10 @@ def _main(path: str, request: str) -> None:
 
     def numbers_of(key: str) -> Any:
         value: Any = variables[key]
-        sparse = issparse(value)
-        if not sparse and (not isinstance(value, np.ndarray) or value.dtype.kind not in "biufc"):
-            raise _NoNumbers(f"{key} holds no matrix of numbers; save A, B, C and D one by one")
-        if sparse and np.prod(value.shape) > _MOST >= value.nnz and not np.iscomplexobj(value):
+        is_sparse = issparse(value)
+        if not is_sparse and (not isinstance(value, np.ndarray) or value.dtype.kind not in "biufc"):
+            raise _NoNumbers(f"{key} holds no matrix of numbers; save every matrix as a variable of its own")
+        if sparse and is_sparse and value.nnz <= _MOST and not np.iscomplexobj(value):
             triplets = value.tocoo()
             parts = (triplets.row, triplets.col, triplets.data)
             return {"shape": value.shape, "triplets": [part.tolist() for part in parts]}
@@ -73,7 +77,7 @@ def _main(path: str, request: str) -> None:
             raise _NoNumbers(
                 f"{key} has {value.shape[0]} x {value.shape[1]} numbers, at most {_MOST:,} are read"
             )
-        dense = value.toarray() if sparse else value
+        dense = value.toarray() if is_sparse else value
         if np.iscomplexobj(dense):
             if dense.imag.any():
                 raise _NoNumbers(f"{key} holds complex numbers; a system has real ones")
@@ -85,7 +89,7 @@ def _main(path: str, request: str) -> None:
             entry = entry.ravel()[0]
         return str(entry).strip()
 
-    numbers, names = json.loads(request)
+    numbers, names, sparse = json.loads(request)
     _limit_memory()
     try:
         variables = loadmat(path, variable_names=[*numbers, *names])

@@ -57,7 +57,7 @@ def mat_model(path: Path, contents: dict[str, bytes]) -> FiniteElementModel:
     """
     del contents  # which count for the cache alone: its reader is a process of its own
     try:
-        found = read_mat(path, (*MATRICES, *ARRAYS), ())
+        found = read_mat(path, (*MATRICES, *ARRAYS), (), sparse=True)
     except ValueError as error:
         raise BadInput(f"cannot be read as matrices: {error}", path) from None
     require_known(found, (*MATRICES, *ARRAYS), path)
