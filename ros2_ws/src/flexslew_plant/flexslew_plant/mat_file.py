@@ -37,7 +37,8 @@ def read_mat(
     with path.open("rb") as file:
         if file.read(128)[124:] == _VERSION_7_3:
             raise ValueError(
-                "it is of MATLAB's version 7.3; save it again: save system.mat A B C D Ts -v7"
+                "it is of MATLAB's version 7.3; save it again with -v7: "
+                "save system.mat A B C D Ts -v7"
             )
     request = [sys.executable, "-P", __file__, str(path), json.dumps([numbers, names, sparse])]
     try:
@@ -68,7 +69,9 @@ def _main(path: str, request: str) -> None:
         value: Any = variables[key]
         is_sparse = issparse(value)
         if not is_sparse and (not isinstance(value, np.ndarray) or value.dtype.kind not in "biufc"):
-            raise _NoNumbers(f"{key} holds no matrix of numbers; save every matrix as a variable of its own")
+            raise _NoNumbers(
+                f"{key} holds no matrix of numbers; save every matrix as a variable of its own"
+            )
         if sparse and is_sparse and value.nnz <= _MOST and not np.iscomplexobj(value):
             triplets = value.tocoo()
             parts = (triplets.row, triplets.col, triplets.data)

@@ -71,7 +71,8 @@ def _drawn_modes(found: ImportedModel) -> Group:
 
 def _edges(places: Matrix) -> Indices:
     """Return the pairs of nodes of which one is among the nearest of the other, shape (e, 2)."""
-    _, near = cKDTree(places).query(places, k=min(_NEIGHBOURS + 1, len(places)))
+    near: Indices
+    near = np.asarray(cKDTree(places).query(places, k=min(_NEIGHBOURS + 1, len(places)))[1])
     pairs = np.stack((np.repeat(near[:, :1], near.shape[1] - 1, axis=1), near[:, 1:]), axis=-1)
     edges: Indices = np.unique(np.sort(pairs.reshape(-1, 2), axis=1), axis=0)
     return edges

@@ -14,6 +14,7 @@ from tests.plant.testbeds.spacecraft.finite_elements.platforms import (
     platform_matrix,
 )
 
+from flexslew_plant.arrays import Indices
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.spacecraft.finite_elements.imported import (
     ImportedModel,
@@ -23,9 +24,9 @@ from flexslew_plant.testbeds.spacecraft.finite_elements.imported import (
 
 ANGLE = [*block(8, 1, 1), *((7, j, 0) for j in range(1, 6))]
 BODIES = {
-    "cantilever": (block(32, 1, 1), (0.0625, 0.02, 0.02)),
-    "angle": (ANGLE, (0.1, 0.1, 0.02)),
-    "plate": (block(8, 8, 1), (0.15, 0.15, 0.01), 70e9, 0.3, "C3D20R"),
+    "cantilever": deck(block(32, 1, 1), (0.0625, 0.02, 0.02)),
+    "angle": deck(ANGLE, (0.1, 0.1, 0.02)),
+    "plate": deck(block(8, 8, 1), (0.15, 0.15, 0.01), element="C3D20R"),
 }
 HUB = {"mass": 60.0, "centre": [0.1, -0.05, 0.2],
        "inertia": {"xx": 12.0, "yy": 15.0, "zz": 20.0, "xy": 0.5}}  # fmt: skip
@@ -34,7 +35,7 @@ CANTILEVER = np.array([1.8751040687119611, 4.694091132974175, 7.854757438237613]
 
 def test_a_cantilever_of_solids_has_the_frequencies_of_a_beam(tmp_path: Path) -> None:
     """L/h = 100: shear and the sections' own inertia lower the third by 0.1 %."""
-    path = computed(tmp_path, deck(*BODIES["cantilever"], poisson=0.0))
+    path = computed(tmp_path, deck(block(32, 1, 1), (0.0625, 0.02, 0.02), poisson=0.0))
     found = import_model(path, ImportOptions(("ROOT",), 6)).content["frequencies_hz"]
     exact = CANTILEVER**2 / 4.0 * np.sqrt(70e9 * 0.02**2 / 12.0 / 2700.0) / (2.0 * np.pi)
     np.testing.assert_allclose(found, np.repeat(exact, 2), rtol=5e-3)
@@ -42,14 +43,14 @@ def test_a_cantilever_of_solids_has_the_frequencies_of_a_beam(tmp_path: Path) ->
 
 def test_a_square_plate_has_the_published_frequencies(tmp_path: Path) -> None:
     """A. W. Leissa, Vibration of plates, NASA SP-160, 1969, table 4.46: clamped at one side."""
-    found = import_model(computed(tmp_path, deck(*BODIES["plate"])), ImportOptions(("x=0",), 4))
+    found = import_model(computed(tmp_path, BODIES["plate"]), ImportOptions(("x=0",), 4))
     rigidity = 70e9 * 0.01**3 / 12.0 / (1.0 - 0.3**2)
     factors = np.array(found.content["frequencies_hz"]) * 2.0 * np.pi * 1.2**2
     factors *= np.sqrt(2700.0 * 0.01 / rigidity)
     np.testing.assert_allclose(factors[:3], [3.4917, 8.5246, 21.429], rtol=0.015)
 
 
-def on_platform(found: ImportedModel, root: Array) -> Array:
+def on_platform(found: ImportedModel, root: Indices) -> Array:
     """Return what the whole model swings with on the platform, its root tied to it [Hz]."""
     assert found.model.node is not None
     tied = np.isin(found.model.node, root)
@@ -71,7 +72,7 @@ def on_platform(found: ImportedModel, root: Array) -> Array:
 @pytest.mark.parametrize("name", BODIES)
 def test_an_imported_body_floats_as_the_whole_model_does(tmp_path: Path, name: str) -> None:
     """Within 0.1 % up to half of the highest mode that is kept."""
-    path = computed(tmp_path, deck(*BODIES[name]))
+    path = computed(tmp_path, BODIES[name])
     found = import_model(path, ImportOptions(("ROOT",), 10))
     shape = {"kind": "finite_elements", "file": str(path), "boundary": ["ROOT"], "modes": 10}
     swings, exact = (

@@ -50,7 +50,7 @@ def test_rigid_sums_are_those_of_the_frame_about_the_clamp(tmp_path: Path) -> No
     places = np.array(ANGLE) - ANGLE[0]
     mass, first, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
     for a, b in pairwise(places):
-        length = np.linalg.norm(b - a)
+        length = float(np.linalg.norm(b - a))
         m, along = 0.8 * length, (b - a) / length
         second = (
             m * (np.outer(a, a) + np.outer(b, b) + 0.5 * (np.outer(a, b) + np.outer(b, a))) / 3.0
@@ -107,8 +107,8 @@ def test_matrices_of_a_rigid_interface_need_no_nodes(tmp_path: Path) -> None:
     reduced = {name: basis.T @ data[name] @ basis for name in ("M", "K")}
     other = import_model(saved(tmp_path, **reduced, boundary=np.arange(6)), ImportOptions(modes=6))
     for key in ("frequencies_hz", "translation", "rotation"):
-        sizes = [abs(np.array(content[key])) for content in (other.content, one.content)]
-        np.testing.assert_allclose(*sizes, rtol=1e-6, atol=1e-8)
+        found, expected = (abs(np.array(content[key])) for content in (other.content, one.content))
+        np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(
         other.content["rigid"]["inertia"], one.content["rigid"]["inertia"], rtol=1e-6
     )
