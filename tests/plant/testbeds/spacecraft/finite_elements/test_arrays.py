@@ -142,3 +142,11 @@ def test_an_unknown_ending_is_refused_with_those_that_are_read(tmp_path: Path) -
     (tmp_path / "model.xyz").write_text("x")
     with pytest.raises(BadInput, match=r"a finite element model ends in \.npz, \.mat"):
         frequencies(tmp_path / "model.xyz")
+
+
+def test_a_sparse_array_of_many_zeros_is_not_unpacked(tmp_path: Path) -> None:
+    data = arrays(BEAM, 4)
+    nodes = csc_array(([1.0], ([0], [0])), shape=(200_000, 200_000))
+    savemat(tmp_path / "model.mat", {**data, "nodes": nodes, "boundary": np.arange(1, 7)})
+    with pytest.raises(BadInput, match=r"nodes: has shape \(200000, 200000\); at most"):
+        frequencies(tmp_path / "model.mat")

@@ -21,6 +21,7 @@ from flexslew_plant.testbeds.spacecraft.finite_elements.imported import (
     ImportOptions,
     import_model,
 )
+from flexslew_plant.testbeds.spacecraft.finite_elements.readers import calculix
 
 ANGLE = [*block(8, 1, 1), *((7, j, 0) for j in range(1, 6))]
 BODIES = {
@@ -145,6 +146,7 @@ def test_stored_matrices_are_read_without_the_program(tmp_path: Path) -> None:
         (".inp", "*NODE\n1, a\n", "line 2: cannot be read as \\*NODE"),
         (".inp", "*TRANSFORM, NSET=ROOT\n", "line 1: \\*TRANSFORM is not read"),
         (".inp", "*NSET, NSET=A\n1\n", "has no \\*NODE"),
+        (".inp", "*NODE\n1, 0\n*NSET, NSET=A, GENERATE\n1, 9, 0\n", "line 4: cannot be read"),
     ],
 )
 def test_a_damaged_file_is_refused_with_its_name(
@@ -161,4 +163,25 @@ def test_a_missing_file_of_the_four_is_named(tmp_path: Path) -> None:
     path = truss_files(tmp_path)
     path.with_suffix(".mas").unlink()
     with pytest.raises(BadInput, match=r"model\.mas: cannot be read: No such file"):
+        import_model(path, ImportOptions(("ROOT",), 3))
+
+
+def test_sets_are_generated_and_named_in_others(tmp_path: Path) -> None:
+    path = truss_files(tmp_path)
+    text = path.read_text() + "*NSET, NSET=ODD, GENERATE\n1, 1000000000, 2\n*NSET, NSET=B\nODD, 2\n"
+    path.write_text(text)
+    sets = import_model(path, ImportOptions(("root",), 3)).model.sets
+    assert sets["ODD"].tolist() == [0, 2, 4]
+    assert sets["B"].tolist() == [0, 1, 2, 4]
+
+
+def test_sets_that_take_for_ever_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(calculix, "_MOST_WORK", 20_000)
+    path = truss_files(tmp_path)
+    nodes = "".join(f"{n}, 0\n" for n in range(6, 1000))
+    many = "1, 999\n" * 30
+    path.write_text(f"*NODE\n{nodes}*NSET, NSET=A, GENERATE\n{many}")
+    with pytest.raises(BadInput, match="its node sets are too many"):
         import_model(path, ImportOptions(("ROOT",), 3))

@@ -10,6 +10,7 @@ dof            node number and direction of each row, shape (n, 2): 1 to 3 displ
 boundary       rows of the interface, shape (b,); from 0 in an .npz, from 1 in a .mat
 """
 
+import math
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ from flexslew_plant.testbeds.spacecraft.shapes.modal_checks import require_known
 
 MATRICES = ("M", "K", "C")
 ARRAYS = ("nodes", "numbers", "dof", "boundary")
+_MOST = 10 * LARGEST  # numbers of an array that is not sparse
 _TRIPLETS = tuple(f"{name}_{part}" for name in MATRICES for part in ("row", "col", "data"))
 
 
@@ -176,7 +178,13 @@ def _numbers(
     if key not in data:
         raise BadInput("missing", path, key)
     value = data[key]
-    value = value.toarray() if isinstance(value, coo_array) else np.asarray(value)
+    if isinstance(value, coo_array):
+        if math.prod(value.shape) > _MOST:
+            raise BadInput(
+                f"has shape {value.shape}; at most {_MOST:,} numbers are read", path, key
+            )
+        value = value.toarray()
+    value = np.asarray(value)
     if value.dtype.kind not in "biuf":
         raise BadInput(f"is not an array of real numbers but of {value.dtype}", path, key)
     if len(shape) == 1 and value.ndim == 2 and 1 in value.shape:

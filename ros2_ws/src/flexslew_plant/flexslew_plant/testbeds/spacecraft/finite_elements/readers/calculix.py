@@ -19,6 +19,7 @@ from flexslew_plant.testbeds.spacecraft.finite_elements.model import FiniteEleme
 from flexslew_plant.testbeds.spacecraft.finite_elements.readers.arrays import indices_of
 
 ENDINGS = (".inp", ".sti", ".mas", ".dof")
+_MOST_WORK = 20_000_000  # nodes that the lines of *NSET go through
 _LOCAL = ("*TRANSFORM", "*INCLUDE")  # keywords after which places or directions are others
 
 
@@ -91,7 +92,7 @@ def _deck(content: bytes, path: Path) -> tuple[Indices, Matrix, dict[str, Indice
     """Return numbers, places and sets of the nodes of a deck."""
     places: dict[int, list[float]] = {}
     sets: dict[str, set[int]] = {}
-    keyword = ""
+    keyword, work = "", 0
     options: dict[str, str] = {}
     for number, raw in enumerate(content.decode("utf-8", "replace").splitlines(), start=1):
         line = raw.strip()
@@ -110,7 +111,11 @@ def _deck(content: bytes, path: Path) -> tuple[Indices, Matrix, dict[str, Indice
                 places[int(fields[0])] = [*map(float, fields[1:4]), *(0.0,) * (4 - len(fields))]
                 sets.setdefault(options.get("NSET", ""), set()).add(int(fields[0]))
             elif keyword == "*NSET":
-                sets.setdefault(options["NSET"], set()).update(_members(fields, options, sets))
+                members = _members(fields, options, sets, places)
+                work += len(members) + len(places) * ("GENERATE" in options)
+                if work > _MOST_WORK:
+                    raise BadInput(f"line {number}: its node sets are too many", path)
+                sets.setdefault(options["NSET"], set()).update(members)
         except (ValueError, KeyError, IndexError):
             raise BadInput(
                 f"line {number}: cannot be read as {keyword}", path, value=line
@@ -136,15 +141,27 @@ def _keyword(line: str) -> tuple[str, dict[str, str]]:
     return first.replace(" ", ""), {name.strip(): value.strip() for name, _, value in pairs}
 
 
-def _members(fields: list[str], options: dict[str, str], sets: dict[str, set[int]]) -> set[int]:
+def _members(
+    fields: list[str],
+    options: dict[str, str],
+    sets: dict[str, set[int]],
+    places: dict[int, list[float]],
+) -> set[int]:
     """Return the node numbers that a line of *NSET adds: numbers, sets, or from, to, step."""
     if "GENERATE" in options:
-        first, last, *step = map(int, fields)
-        if not 0 < first <= last < first + 10_000_000:
-            raise ValueError(fields)
-        return set(range(first, last + 1, *step))
+        numbers = range(*_range(fields))
+        return {node for node in places if node in numbers}
     found: set[int] = set()
     for field in fields:
         name = field.strip().upper()
         found |= sets[name] if name in sets else {int(name)}
     return found
+
+
+def _range(fields: list[str]) -> tuple[int, int, int]:
+    """Return first, one after the last, and step."""
+    first, last, *step = map(int, fields)
+    (by,) = step or [1]
+    if by < 1:
+        raise ValueError(fields)
+    return first, last + 1, by

@@ -49,7 +49,7 @@ def op4_model(path: Path, contents: dict[str, bytes]) -> FiniteElementModel:
             key = _NAMES.get(name, name if name in MATRICES else name.lower())
             if key in data:
                 raise BadInput("is there twice", path, name)
-            data[key] = matrix if key in MATRICES else matrix.toarray()  # of few columns
+            data[key] = matrix
     except (ValueError, IndexError, EOFError, OverflowError) as error:
         why = str(error) or "it is cut off"
         raise BadInput(f"is not an OUTPUT4 file, or damaged: {why:.120}", path) from None
