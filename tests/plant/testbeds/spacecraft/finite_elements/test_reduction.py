@@ -161,3 +161,16 @@ def test_planes_numbers_and_the_file_name_the_same_boundary(tmp_path: Path) -> N
     by = [import_model(path, ImportOptions(entries, 3)).content["frequencies_hz"]
           for entries in ((), ("1",), ("x=0",), ("1-1", "x=0"))]  # fmt: skip
     assert by[0] == by[1] == by[2] == by[3]
+
+
+@pytest.mark.parametrize("parts", [0.01, 0.05])
+def test_a_weak_support_that_is_left_gives_a_warning_with_its_size(
+    tmp_path: Path, parts: float
+) -> None:
+    """A spring to the ground lets a rigid motion swing with a part of the first frequency."""
+    data = arrays(BEAM)
+    free = import_model(saved(tmp_path, **data), ImportOptions(modes=3))
+    first, rigid = free.reduction.frequencies[0], free.reduction.rigid
+    data["K"][2, 2] += (parts * first) ** 2 / np.linalg.inv(rigid)[2, 2]  # at the root, along z
+    (doubt,) = import_model(saved(tmp_path, **data), ImportOptions(modes=3)).doubts
+    assert f"{parts:.2g} of the first frequency" in doubt

@@ -15,7 +15,8 @@ from flexslew_plant.testbeds.spacecraft.finite_elements.reduction import Reducti
 LARGEST = 300_000  # degrees of freedom
 _SYMMETRIC = 1e-6  # of the largest entry of a row or of its column
 _NEGATIVE = 1e-9  # of the diagonal, a negative eigenvalue of the mass matrix that is rounding
-_STRAIN = 1e-4  # of the first clamped mode's, of a vector that moves the model rigidly
+_HELD = 0.1  # frequency of a rigid motion, of the first mode's, of a model that does not float
+_STRAINED = 3e-3  # likewise, of one that may have too few digits
 _ISOTROPIC = 1e-4  # of the mass, by which its three directions may differ
 _ROUNDING = 1e-12  # of the largest entry of a matrix, or of the mass (in kg m)
 _ILL = 1e13  # condition of a stiffness at which frequencies lose their digits
@@ -84,11 +85,20 @@ def _is_positive_semidefinite(mass: csc_array) -> bool:
     return bool((factors.U.diagonal() > 0.0).all() and (factors.perm_r == factors.perm_c).all())
 
 
-def rigid_body_modes(reduction: Reduction) -> int:
-    """Return the number of rigid motions that strain nothing: 6 of a structure that floats."""
+def rigid_frequencies(reduction: Reduction) -> Vector:
+    """Return the frequencies of the six rigid motions, ascending: 0 of a structure that floats.
+
+    They are relative to the first clamped mode's.
+    """
     rigid, strain = _scaled(reduction)
-    energies = eigh(strain, rigid, eigvals_only=True)
-    return int((energies < _STRAIN * reduction.frequencies[0] ** 2).sum())
+    energies = eigh(0.5 * (strain + strain.T), rigid, eigvals_only=True)
+    relative: Vector = np.sqrt(np.maximum(energies, 0.0)) / reduction.frequencies[0]
+    return relative
+
+
+def rigid_body_modes(reduction: Reduction) -> int:
+    """Return the number of rigid motions that hardly strain the model: 6 if it floats."""
+    return int((rigid_frequencies(reduction) < _HELD).sum())
 
 
 def _scaled(reduction: Reduction) -> tuple[Matrix, Matrix]:
@@ -156,6 +166,12 @@ def doubts(reduction: Reduction, size: float | None) -> list[str]:
             f"{mass:.4g} kg in {size:.4g} m with a first mode at "
             f"{reduction.frequencies[0] / (2.0 * np.pi):.4g} Hz is not likely: give the units of "
             "the model by --units, as mm_t_s"
+        )
+    strained = float(rigid_frequencies(reduction)[-1])
+    if strained > _STRAINED:
+        found.append(
+            f"a rigid motion has {strained:.2g} of the first frequency, where 0 is due: the "
+            "matrices have too few digits, or a weak support is left in them"
         )
     if reduction.condition > _ILL:
         found.append(
