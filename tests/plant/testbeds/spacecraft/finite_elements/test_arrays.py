@@ -1,6 +1,7 @@
 """Matrices of .npz and .mat files: what is read alike, and what is refused in one line."""
 
 import pickle
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 from scipy.io import savemat
 from scipy.sparse import coo_array, csc_array
 from tests.plant.testbeds.spacecraft.finite_elements.frames import ANGLE, BEAM, arrays, saved
+from tests.plant.testbeds.spacecraft.finite_elements.platforms import craft
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.spacecraft.finite_elements.imported import (
@@ -79,7 +81,7 @@ def held() -> dict[str, Any]:
 
 
 WRONG: dict[str, tuple[dict[str, Any], ImportOptions, str]] = {
-    "no K": (changed(K=None), FOUR, "K: missing"),
+    "no K": (changed(K=None), FOUR, "K: missing: .*; the file has M, boundary, nodes"),
     "not square": (changed(M=np.ones((30, 29))), FOUR, r"M: has shape \(30, 29\)"),
     "another size": (changed(K=np.eye(29)), FOUR, r"K: has shape \(29, 29\), M has \(30, 30\)"),
     "not a number": (changed(**entry("K", (3, 3), np.nan)), FOUR, "K: .*not finite"),
@@ -107,7 +109,9 @@ WRONG: dict[str, tuple[dict[str, Any], ImportOptions, str]] = {
     "nodes moved": (changed(nodes=arrays(BEAM, 4)["nodes"] * 1.5), FOUR, "rigid-body modes, not 6"),
     "nodes of two": (changed(nodes=np.ones((5, 2))), FOUR, r"nodes: has shape \(5, 2\)"),
     "too few nodes": (changed(nodes=np.ones((4, 3))), FOUR, "dof: missing: 30 rows are neither"),
-    "unknown key": (changed(stiffness=np.eye(30)), FOUR, "stiffness: unknown key"),
+    "misspelt key": (changed(boundary=None, boundry=np.arange(6)), FOUR,
+                     "boundry: unknown key; did you mean boundary"),
+    "M twice": (changed(MAA=np.eye(30)), FOUR, "MAA: is there twice, as M, too"),
     "dof without nodes": (changed(nodes=None, dof=np.ones((30, 2))), FOUR, "dof: needs `nodes`"),
     "direction 7": (changed(dof=np.full((30, 2), 7)), FOUR, "dof: 7 is not allowed"),
     "damping that drives": (changed(C=-arrays(BEAM, 4)["M"]), FOUR, "C: gives damping ratios"),
@@ -150,3 +154,21 @@ def test_a_sparse_array_of_many_zeros_is_not_unpacked(tmp_path: Path) -> None:
     savemat(tmp_path / "model.mat", {**data, "nodes": nodes, "boundary": np.arange(1, 7)})
     with pytest.raises(BadInput, match=r"nodes: has shape \(200000, 200000\); at most"):
         frequencies(tmp_path / "model.mat")
+
+
+@pytest.mark.parametrize("ending", [".npz", ".mat"])
+def test_other_variables_of_a_file_are_named_in_a_warning_of_the_trial(
+    tmp_path: Path, ending: str
+) -> None:
+    data = arrays(BEAM, 4)
+    data["boundary"] = data["boundary"] + (ending == ".mat")
+    path = tmp_path / f"model{ending}"
+    others = {"title": np.array("boom"), "freq_hz": np.arange(3.0)}
+    if ending == ".npz":
+        saved(tmp_path, **data, **others)
+    else:
+        savemat(path, data | others)
+    (doubt,) = craft({"kind": "finite_elements", "file": str(path), "modes": 4}).doubts()
+    assert re.fullmatch(
+        "appendages.arm.shape: variables that are not used: (title, freq_hz|freq_hz, title)", doubt
+    )

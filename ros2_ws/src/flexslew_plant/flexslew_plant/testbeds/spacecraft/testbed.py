@@ -37,6 +37,7 @@ from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.scene import Scene
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import rotation_matrix, unit_direction
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft, mass_warning
+from flexslew_plant.testbeds.spacecraft.assembly.flexible import model_warnings
 from flexslew_plant.testbeds.spacecraft.assembly.motors import motors_of, reaction_wheels_of
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed, scale_stiffness, shift_time
 from flexslew_plant.testbeds.spacecraft.assembly.spacecraft import build_spacecraft
@@ -383,7 +384,8 @@ class SpacecraftTestbed:
 
     def doubts(self) -> tuple[str, ...]:
         """Return what its appendages are unlikely to be; see contract.HasDoubts."""
-        return tuple(filter(None, map(mass_warning, self.craft.appendages)))
+        found = tuple(filter(None, map(mass_warning, self.craft.appendages)))
+        return (*found, *model_warnings(self.appendages))
 
     def spins(self, velocity: Matrix) -> Spins:
         """Return what its wheels store; see motions.Pointing."""

@@ -1,5 +1,6 @@
 """Flexible shapes of a trial file in SI, in appendage axes."""
 
+from collections.abc import Mapping
 from functools import lru_cache
 
 import numpy as np
@@ -12,14 +13,16 @@ from flexslew_plant.testbeds.spacecraft.assembly.bodies import (
     unit_direction,
 )
 from flexslew_plant.testbeds.spacecraft.finite_elements.imported import (
+    ImportedModel,
     ImportOptions,
     import_model,
 )
-from flexslew_plant.testbeds.spacecraft.settings import Beam as BeamSettings
 from flexslew_plant.testbeds.spacecraft.settings import (
+    AppendageSettings,
     Body,
     FiniteElements,
 )
+from flexslew_plant.testbeds.spacecraft.settings import Beam as BeamSettings
 from flexslew_plant.testbeds.spacecraft.settings import Membrane as MembraneSettings
 from flexslew_plant.testbeds.spacecraft.shapes.beam import (
     ClampedBeam,
@@ -53,7 +56,7 @@ def flexible_shape(shape: object, units: Units, key: str) -> FlexibleShape:
             shape.poisson_ratio,
         )
     if isinstance(shape, FiniteElements):
-        return _finite_elements(shape)
+        return shape_of_data(_imported(shape).content, shape.file)
     found = modal_shape(shape.file)  # type: ignore[attr-defined]
     kept = shape.modes  # type: ignore[attr-defined]
     if kept is not None and kept > found.modes:
@@ -61,7 +64,7 @@ def flexible_shape(shape: object, units: Units, key: str) -> FlexibleShape:
     return found if kept is None else select_modes(found, list(range(kept)))
 
 
-def _finite_elements(shape: FiniteElements) -> FlexibleShape:
+def _imported(shape: FiniteElements) -> ImportedModel:
     """Return the reduction of a finite element model."""
     options = ImportOptions(
         tuple(map(str, shape.boundary)),
@@ -71,7 +74,17 @@ def _finite_elements(shape: FiniteElements) -> FlexibleShape:
         shape.tip,
         shape.damping_ratio,
     )
-    return shape_of_data(import_model(shape.file, options).content, shape.file)
+    return import_model(shape.file, options)
+
+
+def model_warnings(appendages: Mapping[str, AppendageSettings]) -> list[str]:
+    """Return what may be wrong with the finite element models of appendages, a line each."""
+    return [
+        f"appendages.{name}.shape: {doubt}"
+        for name, appendage in appendages.items()
+        if isinstance(appendage.shape, FiniteElements)
+        for doubt in _imported(appendage.shape).doubts
+    ]
 
 
 @lru_cache(maxsize=64)  # the same in every trial of a study

@@ -165,7 +165,7 @@ def doubts(reduction: Reduction, size: float | None) -> list[str]:
         found.append(
             f"{mass:.4g} kg in {size:.4g} m with a first mode at "
             f"{reduction.frequencies[0] / (2.0 * np.pi):.4g} Hz is not likely: give the units of "
-            "the model by --units, as mm_t_s"
+            "the model (--units, or the key units), as mm_t_s"
         )
     strained = float(rigid_frequencies(reduction)[-1])
     if strained > _STRAINED:

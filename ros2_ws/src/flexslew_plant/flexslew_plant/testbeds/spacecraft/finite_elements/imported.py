@@ -93,7 +93,10 @@ def _imported(
     size = None if model.nodes is None else float(np.ptp(model.nodes, axis=0).max())
     content = modal_content(model, reduction, rigid, _ratios(reduction, options, path),
                             _tip(model, options.tip, path))  # fmt: skip
-    return ImportedModel(model, reduction, content, doubts(reduction, size))
+    found = doubts(reduction, size)
+    if model.unused:
+        found.append(f"variables that are not used: {', '.join(model.unused):.200}")
+    return ImportedModel(model, reduction, content, found)
 
 
 def _ratios(reduction: Reduction, options: ImportOptions, path: Path) -> Vector | None:

@@ -32,6 +32,7 @@ class FiniteElementModel:
         direction: of each row: 0 to 2 displacement along, 3 to 5 rotation about x, y, z; (n,).
         sets: indices of the nodes of named sets.
         boundary: rows that the file itself names as the boundary; None: it names none.
+        unused: names of variables of the file that no model has.
     """
 
     mass: csc_array
@@ -43,6 +44,7 @@ class FiniteElementModel:
     direction: Indices | None = None
     sets: dict[str, Indices] = field(default_factory=dict)
     boundary: Indices | None = None
+    unused: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:

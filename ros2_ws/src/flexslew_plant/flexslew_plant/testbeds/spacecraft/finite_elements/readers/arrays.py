@@ -1,13 +1,15 @@
 """Matrices by name, of .npz and .mat files.
 
-M, K           mass and stiffness, shape (n, n); dense, sparse in a .mat, or as triplets in an
-.npz: M_row, M_col (from 0), M_data
-C              damping, likewise; may be left out
-nodes          places, shape (k, 3)
-numbers        of the nodes, shape (k,); left out: from 1
-dof            node number and direction of each row, shape (n, 2): 1 to 3 displacement along,
-4 to 6 rotation about x, y, z; left out: three, or six, rows per node in order
-boundary       rows of the interface, shape (b,); from 0 in an .npz, from 1 in a .mat
+- M, K: mass and stiffness, shape (n, n); dense, sparse in a .mat, or as triplets in an .npz:
+  M_row, M_col (from 0), M_data. They may have the names of Nastran's sets, as MAA, KAA.
+- C: damping, likewise; may be left out.
+- nodes: places, shape (k, 3).
+- numbers: of the nodes, shape (k,); left out: from 1.
+- dof: node number and direction of each row, shape (n, 2): 1 to 3 displacement along, 4 to 6
+  rotation about x, y, z; left out: three, or six, rows per node in order.
+- boundary: rows of the interface, shape (b,); from 0 in an .npz, from 1 in a .mat.
+
+Other variables are named in a warning.
 """
 
 import math
@@ -22,13 +24,14 @@ from scipy.sparse import coo_array, csc_array
 from flexslew_plant.arrays import Indices
 from flexslew_plant.errors import BadInput
 from flexslew_plant.mat_file import read_mat
+from flexslew_plant.near_names import spelling_hint
 from flexslew_plant.npz_file import read_npz
 from flexslew_plant.testbeds.spacecraft.finite_elements.checks import LARGEST
 from flexslew_plant.testbeds.spacecraft.finite_elements.model import FiniteElementModel
-from flexslew_plant.testbeds.spacecraft.shapes.modal_checks import require_known
 
 MATRICES = ("M", "K", "C")
 ARRAYS = ("nodes", "numbers", "dof", "boundary")
+ALIASES = {f"{m}{s}": k for m, k in zip("MKB", "MKC", strict=True) for s in ("AA", "GG")}
 _MOST = 10 * LARGEST  # numbers of an array that is not sparse
 _TRIPLETS = tuple(f"{name}_{part}" for name in MATRICES for part in ("row", "col", "data"))
 
@@ -44,7 +47,6 @@ def npz_model(path: Path, contents: dict[str, bytes]) -> FiniteElementModel:
     except ValueError as error:
         words = f"cannot be read as matrices: {error}; sparse ones as M_row, M_col, M_data"
         raise BadInput(words, path) from None
-    require_known(data, (*MATRICES, *_TRIPLETS, *ARRAYS), path)
     for name in MATRICES:
         if f"{name}_data" in data:
             data[name] = _of_triplets(data, name, path)
@@ -59,13 +61,14 @@ def mat_model(path: Path, contents: dict[str, bytes]) -> FiniteElementModel:
     """
     del contents  # which count for the cache alone: its reader is a process of its own
     try:
-        found = read_mat(path, (*MATRICES, *ARRAYS), (), sparse=True)
+        found = read_mat(path, (*MATRICES, *ALIASES, *ARRAYS), (), sparse=True)
     except ValueError as error:
         raise BadInput(f"cannot be read as matrices: {error}", path) from None
-    require_known(found, (*MATRICES, *ARRAYS), path)
     data: dict[str, Any] = {}
     for key, value in found.items():
-        if isinstance(value, dict):
+        if value is None:  # another variable
+            data[key] = np.zeros(0)
+        elif isinstance(value, dict):
             row, column, entries = (np.array(part) for part in value["triplets"])
             data[key] = coo_array((entries, (row, column)), shape=tuple(value["shape"]))
         else:
@@ -99,6 +102,7 @@ def model_of_arrays(data: dict[str, Any], first: int, path: Path) -> FiniteEleme
     Raises:
         BadInput: a matrix is missing or of a wrong shape, or a number is out of range.
     """
+    data, unused = _known(data, path)
     mass, stiffness = (_matrix(data, name, path) for name in ("M", "K"))
     damping = _matrix(data, "C", path) if "C" in data else None
     n = mass.shape[0]
@@ -112,7 +116,7 @@ def model_of_arrays(data: dict[str, Any], first: int, path: Path) -> FiniteEleme
         for name in ("numbers", "dof"):
             if name in data:
                 raise BadInput("needs `nodes`, which are missing", path, name)
-        return FiniteElementModel(mass, stiffness, damping, boundary=boundary)
+        return FiniteElementModel(mass, stiffness, damping, boundary=boundary, unused=unused)
     nodes = _numbers(data, "nodes", (None, 3), path)
     numbers = np.arange(1, len(nodes) + 1, dtype=np.int64)
     if "numbers" in data:
@@ -121,8 +125,43 @@ def model_of_arrays(data: dict[str, Any], first: int, path: Path) -> FiniteEleme
             raise BadInput("two nodes have one number", path, "numbers")
     node, direction = _table(data, numbers, n, path)
     return FiniteElementModel(
-        mass, stiffness, damping, nodes, numbers, node, direction, boundary=boundary
+        mass,
+        stiffness,
+        damping,
+        nodes,
+        numbers,
+        node,
+        direction,
+        boundary=boundary,
+        unused=unused,
     )
+
+
+def _known(data: dict[str, Any], path: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Return the arrays of a model by its own names, and the names of others.
+
+    Raises:
+        BadInput: two are the same matrix, or a name is almost one that is missing.
+    """
+    found: dict[str, Any] = {}
+    unused = []
+    for name, value in data.items():
+        key = ALIASES.get(name, name)
+        if key not in (*MATRICES, *ARRAYS):
+            unused.append(name)
+        elif key in found:
+            raise BadInput(f"is there twice, as {key}, too", path, name)
+        else:
+            found[key] = value
+    missing = [key for key in ARRAYS if key not in found]
+    for name in unused:
+        if hint := spelling_hint(name, missing):
+            raise BadInput(f"unknown key; {hint}rename it", path, name)
+    for key in ("M", "K"):
+        if key not in found:
+            rest = f"; the file has {', '.join(sorted(data)) or 'nothing'}"
+            raise BadInput(f"missing: mass M and stiffness K are needed{rest:.200}", path, key)
+    return found, tuple(unused)
 
 
 def _table(data: dict[str, Any], numbers: Indices, n: int, path: Path) -> tuple[Indices, Indices]:
@@ -156,8 +195,6 @@ def indices_of(called: Indices, numbers: Indices, path: Path) -> Indices:
 
 def _matrix(data: dict[str, Any], name: str, path: Path) -> csc_array:
     """Return a square matrix of numbers."""
-    if name not in data:
-        raise BadInput("missing: mass M and stiffness K are needed", path, name)
     value = data[name]
     if not isinstance(value, coo_array):
         value = _numbers(data, name, (None, None), path)

@@ -22,13 +22,11 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.spacecraft.finite_elements.checks import LARGEST
 from flexslew_plant.testbeds.spacecraft.finite_elements.model import FiniteElementModel
 from flexslew_plant.testbeds.spacecraft.finite_elements.readers.arrays import (
-    ARRAYS,
+    ALIASES,
     MATRICES,
     model_of_arrays,
 )
-from flexslew_plant.testbeds.spacecraft.shapes.modal_checks import require_known
 
-_NAMES = {"MAA": "M", "KAA": "K", "BAA": "C", "MGG": "M", "KGG": "K", "BGG": "C"}
 _BIG = 65536  # rows from which strings have their row and length in two words
 _FORMAT = re.compile(r"(?:1P,)?(\d+)[ED](\d+)\.\d+", re.IGNORECASE)
 _Ints: TypeAlias = Callable[[int], list[int]]  # reads so many whole numbers
@@ -46,14 +44,13 @@ def op4_model(path: Path, contents: dict[str, bytes]) -> FiniteElementModel:
     try:
         text = content[:8].strip().isdigit()
         for name, matrix in _text(content) if text else _binary(content):
-            key = _NAMES.get(name, name if name in MATRICES else name.lower())
+            key = name if name in (*MATRICES, *ALIASES) else name.lower()
             if key in data:
                 raise BadInput("is there twice", path, name)
             data[key] = matrix
     except (ValueError, IndexError, EOFError, OverflowError) as error:
         why = str(error) or "it is cut off"
         raise BadInput(f"is not an OUTPUT4 file, or damaged: {why:.120}", path) from None
-    require_known(data, (*MATRICES, *ARRAYS), path)
     return model_of_arrays(data, 1, path)
 
 
