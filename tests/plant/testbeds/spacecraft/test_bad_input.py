@@ -108,6 +108,9 @@ def test_impossible_spacecraft_are_refused(changes: dict[str, Any], words: str) 
     assert "\n" not in str(error.value)
 
 
+FACTORS = {"translation": [[0.0, 0.0]] * 2 + [[1.3, 0.6]], "rotation": [[0.0, 0.0]] * 3}
+
+
 def panel() -> dict[str, Any]:
     return {
         "frequencies_hz": [0.6, 2.7],
@@ -168,6 +171,8 @@ def test_a_modal_file_gives_its_masses_and_frequencies(tmp_path: Path) -> None:
         ({"masses": [14.5939, 14.5939]}, "in slug"),
         ({"points": [[1000.0, 0, 0], [2000.0, 0, 0]]}, "in mm"),
         ({"colour": 1}, "unknown key"),
+        ({"translation": [[0.0, 0.0]] * 3}, "rotation: missing"),
+        ({**FACTORS, "masses": [2.0, 2.0]}, r"rigid\.mass: 2 is given, the points weigh 4"),
     ],
 )
 def test_wrong_modal_files_are_refused_with_the_numbers(
@@ -179,6 +184,19 @@ def test_wrong_modal_files_are_refused_with_the_numbers(
         modal_shape(path)
     assert "\n" not in str(error.value)
     assert str(path) in str(error.value)
+
+
+def test_factors_count_in_first_order_and_points_in_second(tmp_path: Path) -> None:
+    path = tmp_path / "panel.yaml"
+    path.write_text(yaml.safe_dump(panel()))
+    points = modal_shape(path)
+    path.write_text(yaml.safe_dump({**panel(), **FACTORS, "modal_mass": [1.1, 1.2]}))
+    both = modal_shape(path)
+    np.testing.assert_array_equal(both.integrals.translation, FACTORS["translation"])
+    np.testing.assert_array_equal(both.integrals.rotation, FACTORS["rotation"])
+    np.testing.assert_array_equal(both.mass, [1.1, 1.2])
+    np.testing.assert_array_equal(both.integrals.second_1, points.integrals.second_1)
+    np.testing.assert_array_equal(both.tip.place, points.tip.place)
 
 
 def test_an_appendage_that_moves_more_mass_than_it_has_is_refused(tmp_path: Path) -> None:

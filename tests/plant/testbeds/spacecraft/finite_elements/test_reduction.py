@@ -163,7 +163,7 @@ def test_planes_numbers_and_the_file_name_the_same_boundary(tmp_path: Path) -> N
     assert by[0] == by[1] == by[2] == by[3]
 
 
-@pytest.mark.parametrize("parts", [0.01, 0.05])
+@pytest.mark.parametrize("parts", [0.04, 0.08])
 def test_a_weak_support_that_is_left_gives_a_warning_with_its_size(
     tmp_path: Path, parts: float
 ) -> None:
