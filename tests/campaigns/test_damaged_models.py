@@ -13,8 +13,8 @@ from flexslew_plant.testbeds.spacecraft.finite_elements.imported import (
     ImportOptions,
     import_model,
 )
+from tests.plant.testbeds.spacecraft.finite_elements.decks import truss_files
 from tests.plant.testbeds.spacecraft.finite_elements.frames import ANGLE, arrays, saved
-from tests.plant.testbeds.spacecraft.finite_elements.test_calculix import truss_files
 from tests.plant.testbeds.spacecraft.finite_elements.test_op4 import binary, text
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.plant.testbeds.spacecraft.finite_elements.decks import truss_files
 
 import flexslew as fs
 from flexslew_lab.run.pool import InThisProcess
@@ -202,6 +203,21 @@ def test_files_that_trials_run_or_read_are_part_of_a_study(
     (tmp_path / name).write_text(text + "# another\n")
     after = prepare(study_of(flown, **keys)).identity
     with pytest.raises(BadInput, match=r"holds another study, files\.own"):
+        require_same(before, after, tmp_path)
+
+
+def test_matrices_beside_the_deck_of_a_model_are_part_of_a_study(
+    study_of: Callable[..., Study], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    truss_files(tmp_path)
+    boom = {"kind": "finite_elements", "file": "model.inp", "boundary": ["ROOT"], "modes": 2}
+    craft = {**CRAFT, "testbed": {"kind": "spacecraft", "appendages": {"boom": {"shape": boom}}}}
+    before = prepare(study_of(craft, vary=MASS)).identity
+    mass = tmp_path / "model.mas"
+    mass.write_text(mass.read_text().replace("2.0000000000000e+00", "2.1000000000000e+00"))
+    after = prepare(study_of(craft, vary=MASS)).identity
+    with pytest.raises(BadInput, match=r"holds another study, files\.model"):
         require_same(before, after, tmp_path)
 
 

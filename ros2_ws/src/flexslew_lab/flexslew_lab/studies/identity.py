@@ -20,6 +20,7 @@ from flexslew_lab.studies.study_settings import EXPERIMENT, MANOEUVRE
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import file_of
 from flexslew_plant.settings import plain
+from flexslew_plant.testbeds.spacecraft.finite_elements.readers import files_of
 
 _FILE_KEYS = ("vary", "shake", "compare")  # keys that may name files, as the trial may
 _FREE = ("criteria", "keep", "limit", "trial")  # keys that change no trial
@@ -150,7 +151,7 @@ def _files(study: Study) -> dict[str, str]:
     for name in sorted(set(_iterate_strings(given))):
         with suppress(OSError, ValueError):  # of a text that could be no file's name
             if (path := file_of(name) or Path(name)).is_file():
-                digests[name] = _digest([path])
+                digests[name] = _digest([file for file in files_of(path) if file.is_file()])
             elif ".py:" in name:
                 digests[name] = "missing"
     return digests

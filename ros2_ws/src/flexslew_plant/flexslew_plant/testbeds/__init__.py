@@ -9,7 +9,7 @@ contract, csa, floating_oscillator, hub_with_appendages, identified, instruments
 instruments.instrument, instruments.packed_readers, integration_error, kernels, linearisation,
 model, quaternions, robot_model, scene, spacecraft.assembly.packing,
 spacecraft.finite_elements.imported, spacecraft.finite_elements.modal_content,
-spacecraft.shapes.shape, spacecraft.testbed, spacecraft.units.
+spacecraft.finite_elements.readers, spacecraft.shapes.shape, spacecraft.testbed, spacecraft.units.
 """
 
 from collections.abc import Mapping

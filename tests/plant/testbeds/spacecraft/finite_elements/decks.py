@@ -5,6 +5,7 @@ import subprocess
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 Cell = tuple[int, int, int]
@@ -58,3 +59,24 @@ def computed(folder: Path, text: str) -> Path:
     path.write_text(text)
     subprocess.run([ccx, "model"], cwd=folder, check=True, capture_output=True, timeout=300)
     return path
+
+
+def truss_files(folder: Path) -> Path:
+    """Return a deck with the stored matrices of rods between four nodes and a tip, by hand."""
+    places = np.array(
+        [[0, 0, 0], [0, 1, 0], [0, 0, 1], [1.5, 0.3, 0.3], [3, 0.2, 0.1]], dtype=float
+    )
+    stiffness = np.zeros((15, 15))
+    for a in range(5):
+        for b in range(a + 1, 5):
+            along = places[b] - places[a]
+            rod = 1e4 * np.outer(along, along) / np.linalg.norm(along) ** 3
+            for i, j, sign in ((a, a, 1), (b, b, 1), (a, b, -1), (b, a, -1)):
+                stiffness[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] += sign * rod
+    nodes = "".join(f"{k}, {x}, {y}, {z}\n" for k, (x, y, z) in enumerate(places, start=1))
+    (folder / "model.inp").write_text(f"** rods\n*NODE\n{nodes}*NSET, NSET=ROOT\n1, 2,\n3\n")
+    (folder / "model.dof").write_text("".join(f"{k}.{d}\n" for k in range(1, 6) for d in (1, 2, 3)))
+    for ending, matrix in ((".sti", stiffness), (".mas", 2.0 * np.eye(15))):
+        rows = [f"{i + 1} {j + 1}  {matrix[i, j]:.13e}\n" for j in range(15) for i in range(j + 1)]
+        (folder / f"model{ending}").write_text("".join(rows))
+    return folder / "model.inp"

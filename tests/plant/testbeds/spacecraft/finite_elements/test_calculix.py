@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 from scipy.sparse.linalg import eigsh
-from tests.plant.testbeds.spacecraft.finite_elements.decks import block, computed, deck
+from tests.plant.testbeds.spacecraft.finite_elements.decks import (
+    block,
+    computed,
+    deck,
+    truss_files,
+)
 from tests.plant.testbeds.spacecraft.finite_elements.frames import Array
 from tests.plant.testbeds.spacecraft.finite_elements.platforms import (
     craft,
@@ -94,27 +99,6 @@ def test_beam_elements_are_refused_with_the_remedy(tmp_path: Path) -> None:
     path = computed(tmp_path, text)
     with pytest.raises(BadInput, match="use solid elements"):
         import_model(path, ImportOptions(("1",)))
-
-
-def truss_files(folder: Path) -> Path:
-    """Return a deck with the stored matrices of rods between four nodes and a tip, by hand."""
-    places = np.array(
-        [[0, 0, 0], [0, 1, 0], [0, 0, 1], [1.5, 0.3, 0.3], [3, 0.2, 0.1]], dtype=float
-    )
-    stiffness = np.zeros((15, 15))
-    for a in range(5):
-        for b in range(a + 1, 5):
-            along = places[b] - places[a]
-            rod = 1e4 * np.outer(along, along) / np.linalg.norm(along) ** 3
-            for i, j, sign in ((a, a, 1), (b, b, 1), (a, b, -1), (b, a, -1)):
-                stiffness[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] += sign * rod
-    nodes = "".join(f"{k}, {x}, {y}, {z}\n" for k, (x, y, z) in enumerate(places, start=1))
-    (folder / "model.inp").write_text(f"** rods\n*NODE\n{nodes}*NSET, NSET=ROOT\n1, 2,\n3\n")
-    (folder / "model.dof").write_text("".join(f"{k}.{d}\n" for k in range(1, 6) for d in (1, 2, 3)))
-    for ending, matrix in ((".sti", stiffness), (".mas", 2.0 * np.eye(15))):
-        rows = [f"{i + 1} {j + 1}  {matrix[i, j]:.13e}\n" for j in range(15) for i in range(j + 1)]
-        (folder / f"model{ending}").write_text("".join(rows))
-    return folder / "model.inp"
 
 
 def test_stored_matrices_are_read_without_the_program(tmp_path: Path) -> None:

@@ -23,6 +23,12 @@ _READERS = {
 }
 
 
+def files_of(path: Path) -> list[Path]:
+    """Return the files that are read where one of this name is: itself, or those of its model."""
+    beside, _ = _READERS.get(path.suffix.lower(), ((), None))
+    return [path.with_suffix(ending) for ending in beside] or [path]
+
+
 def contents_of(path: Path) -> dict[str, bytes]:
     """Return the content of the files of a model, by ending.
 
@@ -32,8 +38,7 @@ def contents_of(path: Path) -> dict[str, bytes]:
     if path.suffix.lower() not in _READERS:
         words = f"a finite element model ends in {', '.join(_READERS)}"
         raise BadInput(words, path, value=path.suffix)
-    beside, _ = _READERS[path.suffix.lower()]
-    return {s: given_bytes(path.with_suffix(s), LARGEST) for s in beside or (path.suffix,)}
+    return {file.suffix: given_bytes(file, LARGEST) for file in files_of(path)}
 
 
 def read_model(path: Path, contents: dict[str, bytes]) -> FiniteElementModel:
