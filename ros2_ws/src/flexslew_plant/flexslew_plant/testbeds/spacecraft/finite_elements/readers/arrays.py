@@ -86,7 +86,7 @@ def _of_triplets(data: dict[str, Any], name: str, path: Path) -> coo_array:
     places = [_numbers(data, key, (None,), path) for key in names if key in data]
     size = 1 + int(max(place.max(initial=-1.0) for place in places))
     indices = [
-        _whole(places, size, 0, key, path) for places, key in ((row, keys[0]), (column, keys[1]))
+        _indices(places, size, 0, key, path) for places, key in ((row, keys[0]), (column, keys[1]))
     ]
     return coo_array((value, tuple(indices)), shape=(size, size))
 
@@ -102,7 +102,7 @@ def model_of_arrays(data: dict[str, Any], first: int, path: Path) -> FiniteEleme
     Raises:
         BadInput: a matrix is missing or of a wrong shape, or a number is out of range.
     """
-    data, unused = _known(data, path)
+    data, unused = _model_arrays(data, path)
     mass, stiffness = (_matrix(data, name, path) for name in ("M", "K"))
     damping = _matrix(data, "C", path) if "C" in data else None
     n = mass.shape[0]
@@ -111,7 +111,7 @@ def model_of_arrays(data: dict[str, Any], first: int, path: Path) -> FiniteEleme
             raise BadInput(f"has shape {matrix.shape}, M has {mass.shape}", path, name)
     boundary = None
     if "boundary" in data:
-        boundary = _whole(_numbers(data, "boundary", (None,), path), n, first, "boundary", path)
+        boundary = _indices(_numbers(data, "boundary", (None,), path), n, first, "boundary", path)
     if "nodes" not in data:
         for name in ("numbers", "dof"):
             if name in data:
@@ -120,7 +120,9 @@ def model_of_arrays(data: dict[str, Any], first: int, path: Path) -> FiniteEleme
     nodes = _numbers(data, "nodes", (None, 3), path)
     numbers = np.arange(1, len(nodes) + 1, dtype=np.int64)
     if "numbers" in data:
-        numbers = _whole(_numbers(data, "numbers", (len(nodes),), path), 2**31, 0, "numbers", path)
+        numbers = _indices(
+            _numbers(data, "numbers", (len(nodes),), path), 2**31, 0, "numbers", path
+        )
         if len(np.unique(numbers)) < len(numbers):
             raise BadInput("two nodes have one number", path, "numbers")
     node, direction = _table(data, numbers, n, path)
@@ -137,7 +139,7 @@ def model_of_arrays(data: dict[str, Any], first: int, path: Path) -> FiniteEleme
     )
 
 
-def _known(data: dict[str, Any], path: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
+def _model_arrays(data: dict[str, Any], path: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return the arrays of a model by its own names, and the names of others.
 
     Raises:
@@ -168,8 +170,8 @@ def _table(data: dict[str, Any], numbers: Indices, n: int, path: Path) -> tuple[
     """Return the index of the node and the direction of each row, shape (n,) each."""
     if "dof" in data:
         dof = _numbers(data, "dof", (n, 2), path)
-        direction = _whole(dof[:, 1], 6, 1, "dof", path)
-        return indices_of(_whole(dof[:, 0], 2**31, 0, "dof", path), numbers, path), direction
+        direction = _indices(dof[:, 1], 6, 1, "dof", path)
+        return indices_of(_indices(dof[:, 0], 2**31, 0, "dof", path), numbers, path), direction
     per_node = n // len(numbers) if len(numbers) else 0
     if per_node not in (3, 6) or n != per_node * len(numbers):
         words = f"missing: {n} rows are neither three nor six of each of the {len(numbers)} nodes"
@@ -238,7 +240,7 @@ def _numbers(
     return numbers
 
 
-def _whole(values: NDArray[np.float64], count: int, first: int, key: str, path: Path) -> Indices:
+def _indices(values: NDArray[np.float64], count: int, first: int, key: str, path: Path) -> Indices:
     """Return indices from 0 of numbers that count from `first` to `first` + `count` - 1."""
     good = (values == np.floor(values)) & (values >= first) & (values < first + count)
     if not good.all():
