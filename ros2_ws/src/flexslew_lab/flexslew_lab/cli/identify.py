@@ -15,11 +15,13 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
 if TYPE_CHECKING:
+    from flexslew_lab.identification.files.columns import Clock
     from flexslew_lab.identification.identification import Experiment
     from flexslew_lab.identification.modes import ModalModel
     from flexslew_lab.identification.next_plan import NextPlan
 
 MODEL, PAGE, APPENDAGE = "identified.yaml", "identification.html", "appendage.yaml"
+_STAMPS = ("header", "recorded")  # of a bag's messages
 
 
 def identify(
@@ -46,6 +48,13 @@ def identify(
     past: Annotated[
         bool, typer.Option("--past", help="Efforts are stamped when they end, not when they begin.")
     ] = False,
+    time: Annotated[
+        str | None, typer.Option(help="Its column of times; default: time, t or stamp.")
+    ] = None,
+    time_unit: Annotated[
+        str | None, typer.Option(help="Unit of its times: s, ms, us or ns; default: s.")
+    ] = None,
+    stamps: Annotated[str, typer.Option(help="Times of a bag: header, or recorded.")] = "header",
     out: Annotated[Path | None, typer.Option(help="Folder of the results; else the run's.")] = None,
     system: Annotated[
         Path | None, typer.Option(help="Also a linear system: .mat, .npz or .json.")
@@ -78,7 +87,9 @@ def identify(
     from flexslew_lab.identification.page import identification_page, summary_rows, verdict
     from flexslew_lab.report.page import write_page
 
-    experiments = [_experiment(run, inputs, outputs, period, past, trust) for run in runs]
+    clock = _clock(time, time_unit, stamps)
+    columns = (inputs, outputs, period, past)
+    experiments = [_experiment(run, columns, clock, trust) for run in runs]
     folder = out or _output_folder(runs[0])
     for name in (MODEL, PAGE):
         check_output_file(folder / name, "--out")
@@ -135,31 +146,43 @@ def _next(
 
 def _experiment(
     run: Path,
-    inputs: str | None,
-    outputs: str | None,
-    period: float | None,
-    past: bool,
+    columns: tuple[str | None, str | None, float | None, bool],
+    clock: "Clock",
     trust: list[str] | None,
 ) -> "Experiment":
+    from flexslew_lab.identification.files import READERS
     from flexslew_lab.identification.foreign import external_record
     from flexslew_lab.identification.identification import Experiment, experiment_of
 
+    inputs, outputs, period, past = columns
     if not os.path.exists(run):
         raise BadInput("no such run", run)
     if inputs is None and outputs is None:
-        if run.suffix == ".csv":
+        if run.is_file() and run.suffix.lower() in READERS:
             raise BadInput("name its columns: --inputs and --outputs", run)
         return experiment_of(run, Trust.of(trust or ()))
     if not inputs or not outputs:
         raise BadInput(f"{run}: --inputs and --outputs belong together")
-    imported = external_record(bag_folder(run), _names(inputs), _names(outputs), period, past)
+    imported = external_record(
+        bag_folder(run), _names(inputs), _names(outputs), period, past, clock
+    )
     for words in imported.words:
         print_message(f"{run}: {words}")
     return Experiment(imported.record, None, None)
 
 
+def _clock(time: str | None, unit: str | None, stamps: str) -> "Clock":
+    from flexslew_lab.identification.files.columns import UNITS, Clock
+
+    if unit is not None and unit not in UNITS:
+        raise BadInput(f"one of {', '.join(UNITS)}", key="--time-unit", value=unit)
+    if stamps not in _STAMPS:
+        raise BadInput(f"one of {', '.join(_STAMPS)}", key="--stamps", value=stamps)
+    return Clock(time, unit, None, stamps == _STAMPS[1])
+
+
 def _names(text: str) -> tuple[str, ...]:
-    from flexslew_lab.identification.csv_columns import column_names
+    from flexslew_lab.identification.files.csv_file import column_names
 
     return column_names(text)
 

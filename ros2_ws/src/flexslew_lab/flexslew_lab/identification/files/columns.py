@@ -1,11 +1,30 @@
-"""Series of one clock each, by name, as a CSV file or a bag holds them."""
+"""Series of one clock each, by name, as a file of measurements holds them."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
+
+UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of times [s]
+
+
+class Clock(NamedTuple):
+    """How the times of a file are read.
+
+    Args:
+        column: name of the column of times; None: `time`, `t` or `stamp`.
+        unit: of its numbers, a key of UNITS; None: the one in its name, or seconds.
+        period: between samples where no column holds times [s]; None: times are required.
+        recorded: a bag's messages count at their times of recording, not at their headers' stamps.
+    """
+
+    column: str | None = None
+    unit: str | None = None
+    period: float | None = None
+    recorded: bool = False
 
 
 class Columns(NamedTuple):
@@ -14,6 +33,11 @@ class Columns(NamedTuple):
     series: dict[str, tuple[Vector, Vector]]  # times [s] and values
     source: str
     past: frozenset[str] = frozenset()  # names of values held until their stamp, not from it on
+    notes: tuple[str, ...] = ()  # warnings for the user
+
+
+# of the names in a file: those of the columns to be read, in any order
+Choose: TypeAlias = Callable[[tuple[str, ...]], tuple[str, ...]]
 
 
 def require_times(columns: Columns) -> None:

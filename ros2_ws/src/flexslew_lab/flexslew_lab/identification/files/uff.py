@@ -1,0 +1,107 @@
+"""Universal files (.uff, .unv) of modal tests: functions at nodes (58) and data at nodes (55)."""
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexslew_lab.identification.files.columns import Clock, Columns
+from flexslew_plant.errors import BadInput
+from flexslew_plant.extras import required
+from flexslew_plant.given_file import LARGEST, open_given
+from flexslew_plant.near_names import spelling_hint
+
+FUNCTION, DATA_AT_NODES = 58, 55  # types of datasets
+TIME_RESPONSE, FREQUENCY_RESPONSE = 1, 4  # types of functions
+_DIRECTIONS = ("", "X", "Y", "Z", "RX", "RY", "RZ")
+
+Dataset = dict[str, Any]
+
+
+def read_datasets(path: Path, kind: int) -> list[Dataset]:
+    """Return the datasets of one type of a universal file, as pyuff gives them.
+
+    Raises:
+        BadInput: if it is damaged, too large, or has none of this type.
+        ModuleNotFoundError: if pyuff is missing.
+    """
+    pyuff: Any = required("pyuff")
+    open_given(path, LARGEST).close()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            file = pyuff.UFF(str(path))
+            types = [int(one) for one in file.get_set_types()]
+            found = [file.read_sets(k) for k, one in enumerate(types) if one == kind]
+    except Exception as error:  # damaged text meets a parser with errors of many kinds
+        line = str(error).partition("\n")[0]
+        raise BadInput(f"cannot be read: {line or type(error).__name__}", path) from None
+    if not found:
+        numbers = ", ".join(map(str, sorted(set(types)))) or "none"
+        raise BadInput(f"holds no dataset {kind}; its datasets are: {numbers}", path)
+    return found
+
+
+def read_uff(path: Path, names: list[str], clock: Clock) -> Columns:
+    """Return time responses of a universal file by name; each has its own times [s].
+
+    A name is the first line of a dataset, or its node with direction, as `12+Z` or `12+RZ`.
+
+    Raises:
+        BadInput: if it cannot be read, or a name is missing or stands for several functions.
+    """
+    if clock.unit is not None or clock.column is not None or clock.recorded:
+        raise BadInput("its times are in seconds, in each dataset; leave out --time, --time-unit "
+                       "and --stamps", path)  # fmt: skip
+    functions = [one for one in read_datasets(path, FUNCTION) if _integer(path, one, "func_type")
+                 == TIME_RESPONSE]  # fmt: skip
+    by_name: dict[str, list[Dataset]] = {}
+    for one in functions:
+        place = degree_of_freedom(path, one, "rsp")
+        for name in dict.fromkeys((str(one.get("id1", "")).strip(), place)):
+            by_name.setdefault(name, []).append(one)
+    series = {}
+    for name in names:
+        found = by_name.get(name, [])
+        if len(found) != 1:
+            known = "; ".join(by_name) or "none"
+            hint = "" if found else spelling_hint(name, list(by_name))
+            why = f"{len(found)} time responses are called {name}"
+            raise BadInput(f"{why}; {hint}time responses are: {known:.1000}", path)
+        series[name] = abscissa(path, found[0]), real_values(path, found[0])
+    return Columns(series, str(path))
+
+
+def abscissa(path: Path, one: Dataset) -> Any:
+    """Return times [s] or frequencies [Hz] of a function, increasing numbers."""
+    x = np.asarray(one.get("x", ()), dtype=np.float64)
+    data = np.asarray(one.get("data", ()))
+    if x.ndim != 1 or x.shape != data.shape or x.size < 2:
+        raise BadInput(f"a function has {data.size} values at {x.size} places", path)
+    return x
+
+
+def real_values(path: Path, one: Dataset) -> Any:
+    """Return the values of a function of time, real."""
+    data = np.asarray(one["data"])
+    if data.dtype.kind == "c":
+        if data.imag.any():
+            raise BadInput("a time response is complex", path)
+        data = data.real
+    return np.asarray(data, dtype=np.float64)
+
+
+def degree_of_freedom(path: Path, one: Dataset, side: str) -> str:
+    """Return node and direction of a response (`rsp`) or a reference (`ref`), as `12+Z`."""
+    node, code = (_integer(path, one, f"{side}_{what}") for what in ("node", "dir"))
+    if abs(code) >= len(_DIRECTIONS):
+        raise BadInput(f"direction {code} of node {node} is unknown; allowed are -6 to 6", path)
+    return f"{node}{'' if code == 0 else '-' if code < 0 else '+'}{_DIRECTIONS[abs(code)]}"
+
+
+def _integer(path: Path, one: Dataset, key: str) -> int:
+    try:
+        return int(one[key])
+    except (KeyError, TypeError, ValueError):
+        raise BadInput(f"a dataset has no {key}", path) from None
