@@ -37,7 +37,8 @@ def external_record(
 
     An input `torque_1` or `/effort.data[0]` is held until its next value; where a sample is
     missing, it is unknown. The name behind a `=` gives an output's quantity, `position.JOINT` or
-    `rate.JOINT` (`/joint_states.position[0]=position.hub`); any other name is a deflection.
+    `rate.JOINT` (`/joint_states.position[0]=position.hub`) or `acc.PLACE`; any other name is a
+    deflection.
 
     Args:
         path: of the file, see `files.READERS`, or the folder of the bag.
@@ -113,4 +114,6 @@ def _output(label: str) -> Output:
         return Output(label, "rad", Quantity.JOINT_POSITION, joint)
     if kind == "rate":
         return Output(label, "rad/s", Quantity.JOINT_RATE, joint)
+    if kind == "acc":
+        return Output(label, "m/s^2", Quantity.ACCELERATION)
     return Output(label, "m", Quantity.DEFLECTION)

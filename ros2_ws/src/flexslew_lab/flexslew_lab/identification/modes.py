@@ -10,7 +10,7 @@ from scipy.stats import chi2, norm
 from flexslew_lab.identification.clocks import resample_evenly
 from flexslew_lab.identification.modal_fit import ModalFit, modal_fit, noise_of, refined
 from flexslew_lab.identification.oscillators import Oscillator
-from flexslew_lab.identification.record import Record
+from flexslew_lab.identification.record import Quantity, Record
 from flexslew_lab.identification.regressors import RegressorSignals
 from flexslew_lab.identification.selection import prune, selected
 from flexslew_lab.identification.separable import Solution
@@ -157,6 +157,11 @@ def identify_modes(
             end, the efforts do not shake the band, or ctrlsys is missing.
     """
     report = progress or (lambda words: None)
+    if record.pieces is not None and record.columns(Quantity.ACCELERATION):
+        raise BadInput(
+            f"{record.source}: an effort is unknown in gaps, and accelerations follow it at once: "
+            "give a part of the record without gaps, or outputs that are no accelerations"
+        )
     even = resample_evenly(record)
     band = band or power_band(even)
     _require(even, band)

@@ -9,7 +9,9 @@ given (Golub and Pereyra 1973):
 with the efforts u that were really applied, held over every tick, as input. They are known
 exactly, so nothing is biased by the feedback that made them: the errors of the fit are the
 sensors' noise alone (the direct method with the true noise model, Pintelon and Schoukens, chapter
-9). A rate sensor sees the derivative with the same residues; a deflection has no rigid part.
+9). A rate sensor sees the derivative with the same residues; a deflection has no rigid part. An
+accelerometer sees q'' = u - 2 zeta w q' - w^2 q of every mode and the rigid acceleration: the
+efforts reach it at once, by a matrix of their own (feedthrough), just before and just after a tick.
 
 On all ticks every mode has S_ioa q_ia' in addition to R_ioa q_ia: a damping that couples the modes
 turns their shapes complex, and without S their frequencies would be biased by its square (Ewins
@@ -60,9 +62,8 @@ class ModalLeastSquares:
         parts = []
         for group in self.groups:
             samples = tuple(self._samples(column).tobytes() for column, _, _ in self.rows(group))
-            kind = (
-                group.rigid, group.position >= 0, group.rate >= 0, self._ratio(group), samples,
-            )  # fmt: skip
+            orders = tuple(order for _, order in group.columns)
+            kind = group.rigid, orders, self._ratio(group), samples
             if kind not in bases:
                 bases[kind] = self._basis(group, terms)
             parts.append(self._part(group, bases[kind], terms))
@@ -105,10 +106,10 @@ class ModalLeastSquares:
 
     def rows(self, group: ParameterGroup) -> list[tuple[int, int, float]]:
         """Return column of the record, derivative and weight of each quantity of a group."""
-        rows = [(group.position, 0, 1.0)] if group.position >= 0 else []
-        return rows + ([(group.rate, 1, self._ratio(group))] if group.rate >= 0 else [])
+        ratio = self._ratio(group)
+        return [(column, order, ratio if order == 1 else 1.0) for column, order in group.columns]
 
-    def _basis(self, group: ParameterGroup, terms: tuple[Terms, Terms]) -> SharedColumns:
+    def _basis(self, group: ParameterGroup, terms: tuple[Terms, ...]) -> SharedColumns:
         rows = self.rows(group)
         phi = np.vstack(
             [
@@ -132,9 +133,7 @@ class ModalLeastSquares:
         along = projection.coordinates(raw)
         return SharedColumns(phi, scale, projection, raw - phi @ along, along)
 
-    def _part(
-        self, group: ParameterGroup, basis: SharedColumns, terms: tuple[Terms, Terms]
-    ) -> Part:
+    def _part(self, group: ParameterGroup, basis: SharedColumns, terms: tuple[Terms, ...]) -> Part:
         rows = self.rows(group)
         sigma = float(self.noise[rows[0][0]])
         y = np.concatenate(
@@ -194,7 +193,7 @@ class ModalLeastSquares:
         return fitted
 
     def _matrix(self, group: ParameterGroup, group_terms: Terms, which: int) -> Matrix:
-        """Return the columns of a position (which 0) or a rate (1): bias, rigid, then modes."""
+        """Return the columns of an order of derivative, 0 to 2: bias, rigid, then modes."""
         one = group_terms.constant
         if which == 0:
             bias = group_terms.line if group.rigid else one
@@ -257,7 +256,7 @@ class Solution:
         """Return measured minus fitted of an output, as its signals are cut, in its unit."""
         for part in self.parts:
             rows = len(part.residual) // len(self.problem.rows(part.group))
-            if part.group.position == column:
+            if column in (part.group.position, part.group.acceleration):
                 return np.asarray(part.residual[:rows] * self.problem.noise[column])
             if part.group.rate == column:
                 # weighed to the first quantity's noise, so in its own standard deviations

@@ -41,6 +41,7 @@ class ResampledRecord(NamedTuple):
     measured: Matrix  # (samples, outputs)
     bounded: Matrix  # outputs with a bounded impulse response: rates, not positions
     period: float  # [s]
+    feedthrough: bool  # whether an effort reaches an output at once
 
 
 Method: TypeAlias = Callable[[ResampledRecord, tuple[int, ...]], Poles]
@@ -74,7 +75,11 @@ def resample(record: Record, highest: float) -> ResampledRecord:
         k for k, o in enumerate(record.outputs) if k not in drift or o.joint not in measured_rates
     ]
     return ResampledRecord(
-        np.asfortranarray(effort), np.asfortranarray(measured), rates[:, kept], period
+        np.asfortranarray(effort),
+        np.asfortranarray(measured),
+        rates[:, kept],
+        period,
+        bool(record.columns(Quantity.ACCELERATION)),
     )
 
 
@@ -144,13 +149,16 @@ def markov_parameters(record: ResampledRecord) -> np.ndarray:
     """Return D, CB, CAB, ... by an observer's ARX model, shape (outputs, inputs, parameters)."""
     u, y = record.effort, record.bounded
     inputs, outputs, lags = u.shape[1], y.shape[1], _OBSERVER
-    past = []
+    past = [u[lags:]] if record.feedthrough else []
     for k in range(1, lags + 1):
         past += [u[lags - k : -k], y[lags - k : -k]]
     found = np.linalg.lstsq(np.hstack(past), y[lags:], rcond=None)[0].T
     width = inputs + outputs
+    direct = np.zeros((outputs, inputs))
+    if record.feedthrough:
+        direct, found = found[:, :inputs], found[:, inputs:]
     observer = [found[:, k * width : (k + 1) * width] for k in range(lags)]
-    system = [np.zeros((outputs, inputs))]
+    system = [direct]
     for k in range(1, _MARKOV):
         parameter = observer[k - 1][:, :inputs] if k <= lags else np.zeros((outputs, inputs))
         for i in range(1, min(k, lags) + 1):
