@@ -8,6 +8,7 @@ from scipy.signal import welch
 from scipy.stats import chi2, norm
 
 from flexslew_lab.identification.clocks import resample_evenly
+from flexslew_lab.identification.coloured import coloured_fit
 from flexslew_lab.identification.modal_fit import ModalFit, modal_fit, noise_of, refined
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Quantity, Record
@@ -91,7 +92,9 @@ class ModalModel:
             a joint that is shaken is not measured.
         fit: all numbers, with covariances.
         starts: what subspace identification found.
-        whiteness: of the residual of every output.
+        whiteness: of the residual of every output, less its prediction by the noise model.
+        noise_order: of the autoregressive model of the residual; 0: it is white, or the record is
+            not complete on even ticks.
     """
 
     record: Record
@@ -101,6 +104,7 @@ class ModalModel:
     fit: ModalFit
     starts: tuple[Poles, ...]
     whiteness: tuple[Whiteness, ...]
+    noise_order: int = 0
 
     @property
     def outside(self) -> int:
@@ -185,6 +189,13 @@ def identify_modes(
         solution = _refined_whole(solution.problem.signals, modes, noise)
     fit = modal_fit(solution)
     record = solution.problem.record
+    whiteness, order = whiteness_of(record, fit.residual), 0
+    even_ticks = record.steps is None and record.is_complete
+    if even_ticks and not all(one.white for one in whiteness):
+        report("what is left is no white noise: fitted with a model of it")
+        coloured = coloured_fit(solution, slow, edges)
+        fit, order = modal_fit(coloured.solution), coloured.order
+        whiteness = whiteness_of(record, coloured.innovations)
     return ModalModel(
         record,
         band,
@@ -192,7 +203,8 @@ def identify_modes(
         _inertia(fit, record),
         fit,
         tuple(starts),
-        whiteness_of(record, fit.residual),
+        whiteness,
+        order,
     )
 
 

@@ -6,6 +6,7 @@ from itertools import accumulate, pairwise
 from typing import NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
+from scipy.signal import lfilter
 
 from flexslew_lab.identification.oscillators import Oscillator, double_integral
 from flexslew_lab.identification.projection import LowFrequencies
@@ -40,10 +41,18 @@ class RegressorSignals:
         record: record of the experiment.
         highest: end of the band [rad/s]; None: all ticks as they are.
         lowest: frequency below which all is filtered away [rad/s]; 0: nothing.
+        filters: that make the noise of every output white, of all ticks, shape
+            (outputs, coefficients); None: it is white.
     """
 
-    def __init__(self, record: Record, highest: float | None, lowest: float = 0.0) -> None:
-        self.record = record
+    def __init__(
+        self,
+        record: Record,
+        highest: float | None,
+        lowest: float = 0.0,
+        filters: Matrix | None = None,
+    ) -> None:
+        self.record, self.filters = record, filters
         h, ticks = record.lengths, record.ticks
         self._low = (
             None if highest is None else LowFrequencies(ticks + 1, record.period, highest, lowest)
@@ -69,6 +78,13 @@ class RegressorSignals:
     def cut(self, columns: Matrix) -> Matrix:
         """Return what columns of the time domain hold below the frequency."""
         return columns if self._low is None else self._low(columns)
+
+    def whitened(self, column: int, columns: Matrix) -> Matrix:
+        """Return columns as the noise filter of an output passes them, without its start."""
+        if self.filters is None:
+            return columns
+        taps = self.filters[column]
+        return np.asarray(lfilter(taps, 1.0, columns, axis=0)[len(taps) - 1 :])
 
     @property
     def rows(self) -> int:
@@ -108,7 +124,8 @@ class RegressorSignals:
 
     def terms(self, modes: tuple[Oscillator, ...], slopes: bool) -> tuple[Terms, ...]:
         """Return the terms for least squares: of all ticks, turned to as many rows as columns."""
-        if self._low is not None or not self.record.is_complete:
+        filtered = self.filters is not None  # by output, which needs the rows in their order
+        if self._low is not None or filtered or not self.record.is_complete:
             return self.columns(modes, slopes)
         key = modes, slopes
         if self._reduced_terms is None or self._reduced_terms[0] != key:

@@ -15,7 +15,8 @@ efforts reach it at once, by a matrix of their own (feedthrough), just before an
 
 On all ticks every mode has S_ioa q_ia' in addition to R_ioa q_ia: a damping that couples the modes
 turns their shapes complex, and without S their frequencies would be biased by its square (Ewins
-2000, 2.7). No effort moves a bench at once, so the sum of S over the modes is 0.
+2000, 2.7). No effort moves a bench at once, so the sum of S over the modes is 0. With it and with
+feedthrough an acceleration has any response that is sampled, also of efforts that were not held.
 """
 
 from dataclasses import dataclass
@@ -63,7 +64,9 @@ class ModalLeastSquares:
         for group in self.groups:
             samples = tuple(self._samples(column).tobytes() for column, _, _ in self.rows(group))
             orders = tuple(order for _, order in group.columns)
-            kind = group.rigid, orders, self._ratio(group), samples
+            filters = self.signals.filters
+            noise = () if filters is None else tuple(filters[k].tobytes() for k, _ in group.columns)
+            kind = group.rigid, orders, self._ratio(group), samples, noise
             if kind not in bases:
                 bases[kind] = self._basis(group, terms)
             parts.append(self._part(group, bases[kind], terms))
@@ -75,6 +78,10 @@ class ModalLeastSquares:
         """Return 1 where an output has a sample and 0 where it has none, (ticks + 1, 1) or (1,)."""
         known = self.record.known
         return np.ones(1) if known is None else known[:, column, None].astype(np.float64)
+
+    def _weighed(self, column: int, weight: float, values: Matrix) -> Matrix:
+        """Return rows of an output with its weight, 0 without a sample, and its noise white."""
+        return self.signals.whitened(column, weight * self._samples(column) * values)
 
     def _with_pieces(self, modes: tuple[Oscillator, ...], parts: list[Part]) -> list[Part]:
         """Return the parts with the slopes by unknown efforts behind those by the modes."""
@@ -113,7 +120,7 @@ class ModalLeastSquares:
         rows = self.rows(group)
         phi = np.vstack(
             [
-                w * self._samples(column) * self._matrix(group, terms[which], which)
+                self._weighed(column, w, self._matrix(group, terms[which], which))
                 for column, which, w in rows
             ]
         )
@@ -125,10 +132,7 @@ class ModalLeastSquares:
             empty = np.zeros((len(phi), 0))
             return SharedColumns(phi, scale, projection, empty, np.zeros((phi.shape[1], 0)))
         raw = np.vstack(
-            [
-                w * self._samples(column) * np.hstack(terms[which].slopes)
-                for column, which, w in rows
-            ]
+            [self._weighed(column, w, np.hstack(terms[which].slopes)) for column, which, w in rows]
         )
         along = projection.coordinates(raw)
         return SharedColumns(phi, scale, projection, raw - phi @ along, along)
@@ -138,13 +142,13 @@ class ModalLeastSquares:
         sigma = float(self.noise[rows[0][0]])
         y = np.concatenate(
             [
-                w * self._samples(column).ravel() * terms[which].measured[:, column]
+                self._weighed(column, w, terms[which].measured[:, column, None]).ravel()
                 for column, which, w in rows
             ]
         )
         weights, residual = basis.projection.solve(y)
         c = weights / basis.scale
-        of_modes = self._of_modes(c, terms[0].modes)
+        of_modes = self._of_modes(c, terms[0].modes, group.acceleration >= 0)
         width, count = of_modes.shape[1], len(terms[0].slopes)  # two for each mode
         group_terms = np.zeros((basis.turned.shape[1], count))
         for k in range(count):
@@ -162,15 +166,17 @@ class ModalLeastSquares:
             group_terms,
         )
 
-    def _of_modes(self, c: Vector, modes: tuple[Matrix, ...]) -> Matrix:
-        """Return the weights of each mode's own columns, (modes, columns)."""
+    def _of_modes(self, c: Vector, modes: tuple[Matrix, ...], free: bool) -> Matrix:
+        """Return the weights of each mode's own columns, (modes, columns); see _matrix."""
         first = self.record.effort.shape[1] + 2
         count, width = len(modes), modes[0].shape[1] if modes else first
-        lags = c[len(c) - max(count - 1, 0) * (width - first) :]
+        lags = c[len(c) - max(count - (not free), 0) * (width - first) :]
         plain = c[len(c) - lags.size - count * first : len(c) - lags.size]
         found = np.zeros((count, width))
         found[:, :first] = plain.reshape(count, first)
-        if lags.size:
+        if free:
+            found[:, first:] = lags.reshape(count, width - first)
+        elif lags.size:
             found[:-1, first:] = lags.reshape(count - 1, width - first)
             found[-1, first:] = -found[:-1, first:].sum(axis=0)
         return found
@@ -204,9 +210,9 @@ class ModalLeastSquares:
             bias = one
         rigid = [group_terms.rigid] if group.rigid else []
         first = self.record.effort.shape[1] + 2
-        lags = [
-            mode[:, first:] - group_terms.modes[-1][:, first:] for mode in group_terms.modes[:-1]
-        ]
+        lags = [mode[:, first:] for mode in group_terms.modes]
+        if which < 2:  # no effort moves a position at once
+            lags = [one - lags[-1] for one in lags[:-1]]
         return np.hstack([bias, *rigid, *(mode[:, :first] for mode in group_terms.modes), *lags])
 
 

@@ -167,6 +167,29 @@ def markov_parameters(record: ResampledRecord) -> np.ndarray:
     return np.stack(system, axis=2)
 
 
+def arx(record: ResampledRecord, orders: tuple[int, ...]) -> Poles:
+    """Return the poles of y(k) = sum A_i y(k - i) + B_i u(k - i) + e(k) by least squares.
+
+    They are consistent where the noise has the poles of the bench, as motion that no effort
+    explains has (Ljung 1999, 4.2); at high orders also with other colours.
+    """
+    u, y = record.effort, record.bounded
+    outputs = y.shape[1]
+    found = {}
+    for order in orders:
+        past = [u[order:], *(x[order - k : -k] for k in range(1, order + 1) for x in (u, y))]
+        weights = np.linalg.lstsq(np.hstack(past), y[order:], rcond=None)[0].T
+        each = u.shape[1] + outputs
+        companion = np.eye(order * outputs, k=-outputs)
+        for k in range(order):
+            first = (k + 1) * each
+            companion[:outputs, k * outputs : (k + 1) * outputs] = weights[
+                :, first : first + outputs
+            ]
+        found[order] = modes_of(companion, record.period)
+    return Poles("ARX", np.zeros(0), found)
+
+
 METHODS: dict[str, Method] = {"MOESP": moesp, "OKID/ERA": okid_era}
 
 
