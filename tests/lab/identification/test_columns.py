@@ -11,7 +11,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from flexslew_lab.identification.files.bag import read_bag
-from flexslew_lab.identification.files.columns import Clock
+from flexslew_lab.identification.files.columns import FileClock
 from flexslew_lab.identification.files.csv_file import column_names, read_csv
 from flexslew_lab.identification.files.table import table_columns
 from flexslew_lab.identification.foreign import external_record
@@ -49,7 +49,7 @@ def test_a_table_is_read_however_its_columns_are_separated(
 ) -> None:
     path = tmp_path / "lab.csv"
     path.write_bytes((mark + table(delimiter, point, name).replace("\n", end)).encode())
-    series = table_columns(read_csv, path, [column, "x"], Clock()).series
+    series = table_columns(read_csv, path, [column, "x"], FileClock()).series
     for key, values in ((column, U), ("x", X)):
         np.testing.assert_array_equal(series[key], (TIMES, values))
 
@@ -75,7 +75,7 @@ def test_what_is_no_table_is_refused_with_its_header(text: str, words: str, tmp_
     path = tmp_path / "lab.csv"
     path.write_text(text)
     with pytest.raises(BadInput, match=words):
-        table_columns(read_csv, path, ["u", "x"], Clock())
+        table_columns(read_csv, path, ["u", "x"], FileClock())
 
 
 @pytest.mark.parametrize(
@@ -170,12 +170,12 @@ def test_stamps_that_stand_still_give_way_to_the_time_of_recording(
 def test_times_of_recording_count_where_they_are_requested(tmp_path: Path) -> None:
     path = bag(tmp_path / "bag", StoragePlugin.MCAP, (7.0, 8.0, 9.0, 10.0))
     for recorded, times in ((False, (7.0, 8.0, 9.0, 10.0)), (True, TIMES)):
-        columns = read_bag(path, NAMES, Clock(recorded=recorded))
+        columns = read_bag(path, NAMES, FileClock(recorded=recorded))
         np.testing.assert_allclose(columns.series["/point.point.x"][0], times, atol=1e-9)
         assert columns.notes == ()
 
 
-def read(path: Path, names: list[str], clock: Clock = Clock()) -> Any:  # noqa: B008
+def read(path: Path, names: list[str], clock: FileClock = FileClock()) -> Any:  # noqa: B008
     return table_columns(read_csv, path, names, clock).series
 
 
@@ -198,7 +198,7 @@ def test_tables_of_other_programs_are_read(
 ) -> None:
     path = tmp_path / "lab.csv"
     path.write_bytes(content)
-    clock = Clock(column="1" if names[0] == "2" else None)
+    clock = FileClock(column="1" if names[0] == "2" else None)
     found = read(path, list(names), clock)
     np.testing.assert_array_equal(found[names[0]], ([0.0, 1.0, 2.0], [1.0, 0.0, -1.0]))
     np.testing.assert_array_equal(found[names[1]], ([0.0, 1.0, 2.0], [0.0, 0.5, 1.0]))
@@ -216,18 +216,20 @@ def test_times_have_the_unit_of_the_option_or_of_their_name(
 ) -> None:
     path = tmp_path / "lab.csv"
     path.write_text(f"{name},u\n0,1\n1,2\n2,3\n")
-    t, _ = read(path, ["u"], Clock(unit=unit))["u"]
+    t, _ = read(path, ["u"], FileClock(unit=unit))["u"]
     np.testing.assert_allclose(t, step * np.arange(3.0))
 
 
 def test_a_file_without_times_has_the_period(tmp_path: Path) -> None:
     path = tmp_path / "lab.txt"
     path.write_text("1 2\n3 4\n5 6\n")
-    np.testing.assert_allclose(read(path, ["2"], Clock(period=0.5))["2"], ([0, 0.5, 1], [2, 4, 6]))
+    np.testing.assert_allclose(
+        read(path, ["2"], FileClock(period=0.5))["2"], ([0, 0.5, 1], [2, 4, 6])
+    )
     with pytest.raises(BadInput, match=r"no column of times; .* or give --period; .*: 1; 2"):
         read(path, ["2"])
     with pytest.raises(BadInput, match="--time: 'clock' is not allowed: no such column"):
-        read(path, ["2"], Clock(column="clock"))
+        read(path, ["2"], FileClock(column="clock"))
 
 
 @pytest.mark.parametrize(

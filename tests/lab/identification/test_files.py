@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
 from flexslew_lab.identification.files import READERS
-from flexslew_lab.identification.files.columns import Clock
+from flexslew_lab.identification.files.columns import FileClock
 from flexslew_lab.identification.foreign import RecordWithNotes, external_record
 from flexslew_lab.identification.modes import identify_modes
 from flexslew_lab.identification.oscillators import Oscillator, double_integral
@@ -119,7 +119,7 @@ WRITERS: dict[str, Callable[[Path, Table], None]] = {
 }
 
 
-def read(path: Path, clock: Clock = Clock()) -> RecordWithNotes:  # noqa: B008
+def read(path: Path, clock: FileClock = FileClock()) -> RecordWithNotes:  # noqa: B008
     if not path.is_dir():
         return external_record(path, INPUTS, OUTPUTS, clock=clock)
     inputs, outputs = (
@@ -183,7 +183,7 @@ def test_times_in_milliseconds_are_noticed_and_read(tmp_path: Path) -> None:
     wrong = read(tmp_path / "lab.csv")
     assert any("0.001 times the integral of rate.hub: are the times in ms?" in w for w in
                wrong.words)  # fmt: skip
-    right = read(tmp_path / "lab.csv", Clock(unit="ms"))
+    right = read(tmp_path / "lab.csv", FileClock(unit="ms"))
     assert right.words == ()
     assert right.record.period == pytest.approx(H)
 

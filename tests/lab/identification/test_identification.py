@@ -320,7 +320,7 @@ def test_gaps_and_jitter_stay_in_the_record_and_are_reported(tmp_path: Path) -> 
         part = np.column_stack((t, np.append(record.effort, 0.0), record.measured))[kept]
         np.savetxt(path, part, delimiter=",", header="time,u,x,v,s", comments="")
         read, notes = external_record(path, *columns)
-        assert any(f"u: {len(gone)} samples are missing" in one for one in notes)
+        assert any(f"u, x: {len(gone)} samples are missing" in one for one in notes)
         assert read.samples(0) == len(kept)
         assert read.pieces is not None
         unknown = np.zeros(read.ticks, dtype=bool)
@@ -333,7 +333,7 @@ def test_gaps_and_jitter_stay_in_the_record_and_are_reported(tmp_path: Path) -> 
     jittered = t + 0.004 * np.random.default_rng(1).uniform(-1.0, 1.0, len(t)) * 1.2
     csv_of(path, record, jittered)
     read, notes = external_record(path, *columns)
-    assert any("u: jitter of" in one for one in notes)
+    assert any("u, x: jitter of" in one for one in notes)
     assert read.times == pytest.approx(jittered - jittered[0])
     assert read.is_complete
 

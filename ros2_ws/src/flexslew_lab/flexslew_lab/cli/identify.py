@@ -15,7 +15,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
 if TYPE_CHECKING:
-    from flexslew_lab.identification.files.columns import Clock
+    from flexslew_lab.identification.files.columns import FileClock
     from flexslew_lab.identification.identification import Experiment
     from flexslew_lab.identification.modes import ModalModel
     from flexslew_lab.identification.next_plan import NextPlan
@@ -147,7 +147,7 @@ def _next(
 def _experiment(
     run: Path,
     columns: tuple[str | None, str | None, float | None, bool],
-    clock: "Clock",
+    clock: "FileClock",
     trust: list[str] | None,
 ) -> "Experiment":
     from flexslew_lab.identification.files import READERS
@@ -171,14 +171,14 @@ def _experiment(
     return Experiment(imported.record, None, None)
 
 
-def _clock(time: str | None, unit: str | None, stamps: str) -> "Clock":
-    from flexslew_lab.identification.files.columns import UNITS, Clock
+def _clock(time: str | None, unit: str | None, stamps: str) -> "FileClock":
+    from flexslew_lab.identification.files.columns import UNITS, FileClock
 
     if unit is not None and unit not in UNITS:
         raise BadInput(f"one of {', '.join(UNITS)}", key="--time-unit", value=unit)
     if stamps not in _STAMPS:
         raise BadInput(f"one of {', '.join(_STAMPS)}", key="--stamps", value=stamps)
-    return Clock(time, unit, None, stamps == _STAMPS[1])
+    return FileClock(time, unit, None, stamps == _STAMPS[1])
 
 
 def _names(text: str) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexslew_lab.identification.clocks import Effort, clock_notes, record_on_clocks
 from flexslew_lab.identification.files import read_columns
-from flexslew_lab.identification.files.columns import Clock, Columns, require_times
+from flexslew_lab.identification.files.columns import Columns, FileClock, require_times
 from flexslew_lab.identification.rate_check import rate_notes
 from flexslew_lab.identification.record import Output, Quantity, Record
 from flexslew_plant.arrays import Vector
@@ -15,7 +15,7 @@ from flexslew_plant.errors import BadInput
 
 _AT_LIMIT = (0.01, 0.5)  # part of the samples at the largest value that suggests a drive's limit
 _MIN_SAMPLES = 5  # samples
-_CLOCK = Clock()
+_CLOCK = FileClock()
 
 
 class RecordWithNotes(NamedTuple):
@@ -31,7 +31,7 @@ def external_record(
     outputs: tuple[str, ...],
     period: float | None = None,
     past: bool = False,
-    clock: Clock = _CLOCK,
+    clock: FileClock = _CLOCK,
 ) -> RecordWithNotes:
     """Return a record of a file of measurements or a bag, at the times of its samples.
 

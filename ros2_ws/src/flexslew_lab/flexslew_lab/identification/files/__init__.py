@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from flexslew_lab.identification.files.bag import read_bag
-from flexslew_lab.identification.files.columns import Clock, Columns
+from flexslew_lab.identification.files.columns import Columns, FileClock
 from flexslew_lab.identification.files.csv_file import read_csv
 from flexslew_lab.identification.files.mat import read_mat_columns
 from flexslew_lab.identification.files.npz import read_npz_columns
@@ -15,7 +15,7 @@ from flexslew_lab.identification.files.table import table_columns
 from flexslew_lab.identification.files.uff import read_uff
 from flexslew_plant.errors import BadInput
 
-Reader: TypeAlias = Callable[[Path, list[str], Clock], Columns]
+Reader: TypeAlias = Callable[[Path, list[str], FileClock], Columns]
 
 _CSV, _UFF = partial(table_columns, read_csv), read_uff
 READERS: dict[str, Reader] = {
@@ -34,7 +34,7 @@ READERS: dict[str, Reader] = {
 }
 
 
-def read_columns(path: Path, names: list[str], clock: Clock) -> Columns:
+def read_columns(path: Path, names: list[str], clock: FileClock) -> Columns:
     """Return series of a file, or of the folder of a bag, by their names.
 
     Args:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from flexslew_lab.identification.files.columns import Clock, Columns
+from flexslew_lab.identification.files.columns import Columns, FileClock
 from flexslew_lab.log.messages.schemas import default_store
 from flexslew_plant.errors import BadInput
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 # fields that hold the effort of the tick before their stamp
 _PAST_EFFORTS = {("flexslew_msgs/msg/Measurement", "applied_effort")}
 _INDEX = re.compile(r"^(?P<field>.*?)\[(?P<index>\d+)\]$")
-_HEADERS = Clock()
+_HEADERS = FileClock()
 _IDL = "=" * 80 + "\nIDL: "  # before each type of a definition in IDL
 
 
@@ -27,7 +27,7 @@ class _Place(NamedTuple):
     entry: int | None
 
 
-def read_bag(path: Path, names: list[str], clock: Clock = _HEADERS) -> Columns:
+def read_bag(path: Path, names: list[str], clock: FileClock = _HEADERS) -> Columns:
     """Return series of a rosbag2 by `/topic.field[index]`, at the messages' stamps.
 
     The time is the header's stamp. Where there is none, the stamps of a series stand still, or

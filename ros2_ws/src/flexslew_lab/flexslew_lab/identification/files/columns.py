@@ -11,7 +11,7 @@ from flexslew_plant.errors import BadInput
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of times [s]
 
 
-class Clock(NamedTuple):
+class FileClock(NamedTuple):
     """How the times of a file are read.
 
     Args:

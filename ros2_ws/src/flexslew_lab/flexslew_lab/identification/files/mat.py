@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_control.controllers.linear.mat_file import read_mat
 from flexslew_lab.identification.files.columns import Choose
 from flexslew_plant.errors import BadInput
 from flexslew_plant.given_file import LARGEST, open_given
+from flexslew_plant.mat_file import read_mat
 
 _MOST = 16_000_000  # numbers of a variable
 

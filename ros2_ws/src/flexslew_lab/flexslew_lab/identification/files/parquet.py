@@ -36,8 +36,7 @@ def read_parquet(path: Path, choose: Choose) -> dict[str, NDArray[Any]]:
     except BadInput:
         raise
     except Exception as error:  # damaged bytes meet a parser with errors of many kinds
-        line = str(error).partition("\n")[0]
-        raise BadInput(f"cannot be read: {line or type(error).__name__}", path) from None
+        raise BadInput(f"cannot be read: {error or type(error).__name__}", path) from None
 
 
 def _check_size(path: Path, table: Any, columns: int) -> None:

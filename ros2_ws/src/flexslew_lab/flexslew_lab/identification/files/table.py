@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_lab.identification.files.columns import UNITS, Choose, Clock, Columns
+from flexslew_lab.identification.files.columns import UNITS, Choose, Columns, FileClock
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.near_names import spelling_hint
@@ -23,7 +23,7 @@ Arrays: TypeAlias = Mapping[str, NDArray[Any]]
 TableReader: TypeAlias = Callable[[Path, Choose], Arrays]
 
 
-def table_columns(read: TableReader, path: Path, names: list[str], clock: Clock) -> Columns:
+def table_columns(read: TableReader, path: Path, names: list[str], clock: FileClock) -> Columns:
     """Return columns of a file in which all share one clock.
 
     A name is that of a column, or `name[index]` for a column of a matrix.
@@ -79,7 +79,7 @@ def _listed(names: tuple[str, ...]) -> str:
     return "; ".join(f"{name:.60}" for name in names[:_MOST_NAMES]) + more
 
 
-def _time_name(available: tuple[str, ...], clock: Clock) -> str | None:
+def _time_name(available: tuple[str, ...], clock: FileClock) -> str | None:
     """Return the name of the column of times; None: there is none.
 
     Raises:
@@ -99,7 +99,7 @@ def _time_name(available: tuple[str, ...], clock: Clock) -> str | None:
     return next(iter(exact + near), None)
 
 
-def _seconds(path: Path, name: str, times: NDArray[Any], clock: Clock) -> Vector:
+def _seconds(path: Path, name: str, times: NDArray[Any], clock: FileClock) -> Vector:
     """Return times in seconds, those of a calendar from the first one."""
     if times.dtype.kind in "mM":
         if clock.unit is not None:

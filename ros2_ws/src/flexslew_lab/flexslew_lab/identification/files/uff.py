@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_lab.identification.files.columns import Clock, Columns
+from flexslew_lab.identification.files.columns import Columns, FileClock
 from flexslew_plant.errors import BadInput
 from flexslew_plant.extras import required
 from flexslew_plant.given_file import LARGEST, open_given
@@ -35,15 +35,14 @@ def read_datasets(path: Path, kind: int) -> list[Dataset]:
             types = [int(one) for one in file.get_set_types()]
             found = [file.read_sets(k) for k, one in enumerate(types) if one == kind]
     except Exception as error:  # damaged text meets a parser with errors of many kinds
-        line = str(error).partition("\n")[0]
-        raise BadInput(f"cannot be read: {line or type(error).__name__}", path) from None
+        raise BadInput(f"cannot be read: {error or type(error).__name__}", path) from None
     if not found:
         numbers = ", ".join(map(str, sorted(set(types)))) or "none"
         raise BadInput(f"holds no dataset {kind}; its datasets are: {numbers}", path)
     return found
 
 
-def read_uff(path: Path, names: list[str], clock: Clock) -> Columns:
+def read_uff(path: Path, names: list[str], clock: FileClock) -> Columns:
     """Return time responses of a universal file by name; each has its own times [s].
 
     A name is the first line of a dataset, or its node with direction, as `12+Z` or `12+RZ`.
