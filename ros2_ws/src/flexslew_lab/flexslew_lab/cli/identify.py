@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from flexslew_lab.identification.next_plan import NextPlan
 
 MODEL, PAGE, APPENDAGE = "identified.yaml", "identification.html", "appendage.yaml"
+UNIVERSAL = (".uff", ".unv", ".58")
 _STAMPS = ("header", "recorded")  # of a bag's messages
 
 
@@ -63,6 +64,13 @@ def identify(
         str | None,
         typer.Option(help="joint=axis,...: also modal data for a spacecraft."),
     ] = None,
+    uff: Annotated[
+        Path | None, typer.Option(help="Also responses and modes as a universal file: .uff, .unv.")
+    ] = None,
+    mass: Annotated[
+        float | None,
+        typer.Option(help="Of an appendage [kg]: the modes of a universal file as modal data."),
+    ] = None,
     replan: Annotated[
         bool,
         typer.Option(help="Residual of a slew on the model found, and of a new plan."),
@@ -87,6 +95,16 @@ def identify(
     from flexslew_lab.identification.page import identification_page, summary_rows, verdict
     from flexslew_lab.report.page import write_page
 
+    if inputs is None and outputs is None and runs[0].suffix.lower() in UNIVERSAL:
+        given = {"--fit": fit, "--start": start, "--replan": replan, "--system": system}
+        given |= {"--appendage": appendage, "--past": past, "--period": period, "--time": time}
+        _require_none(runs, given | {"--time-unit": time_unit})
+        _identify_universal(runs[0], _band(band), mass, out, uff, as_json)
+        return
+    if mass is not None:
+        raise BadInput("--mass belongs to a universal file with modes", runs[0])
+    if uff is not None:
+        check_output_file(uff, "--uff")
     clock = _clock(time, time_unit, stamps)
     columns = (inputs, outputs, period, past)
     experiments = [_experiment(run, columns, clock, trust) for run in runs]
@@ -114,6 +132,10 @@ def identify(
     page = write_page(identification_page(found), folder / PAGE)
     if system is not None:
         save_system(found.model, system)
+    if uff is not None:
+        from flexslew_lab.identification.universal import write_model as write_universal
+
+        write_universal(uff, found.model, found.response)
     if as_json:
         plan_values = {"next_plan": None if better is None else better._asdict()}
         print(json_text(found.plain() | plan_values))
@@ -127,6 +149,68 @@ def identify(
             )
     if without_model:
         print_message(f"no model to plan with: {without_model}", "red")
+    print_message(f"written {folder / MODEL} and {link(page)}")
+
+
+def _require_none(runs: list[Path], given: dict[str, object]) -> None:
+    """Require of frequency responses and modes one file, and no option of a record in time."""
+    if len(runs) > 1:
+        raise BadInput("one universal file at a time", runs[1])
+    for name, value in given.items():
+        if value:
+            raise BadInput(f"{name} needs a record in time; name its --inputs and --outputs, or "
+                           f"leave out {name}", runs[0])  # fmt: skip
+
+
+def _identify_universal(
+    path: Path,
+    band: tuple[float, float] | None,
+    mass: float | None,
+    out: Path | None,
+    uff: Path | None,
+    as_json: bool,
+) -> None:
+    """Fit the frequency responses of a universal file, or write its modes as modal data."""
+    from flexslew_lab.identification.frf_fit import identify_responses
+    from flexslew_lab.identification.model_file import write_model
+    from flexslew_lab.identification.response_page import (
+        response_numbers,
+        response_rows,
+        responses_page,
+        responses_verdict,
+    )
+    from flexslew_lab.identification.universal import (
+        read_modal_data,
+        read_responses,
+        write_response_model,
+    )
+    from flexslew_lab.report.page import write_page
+    from flexslew_plant.yaml_data import yaml_text
+
+    folder = out or _output_folder(path)
+    if mass is not None:
+        if band is not None or uff is not None or as_json:
+            raise BadInput(
+                "--band, --uff and --json are of frequency responses, not of modes", path
+            )
+        check_output_file(folder / APPENDAGE, "--out")
+        write_model(folder / APPENDAGE, yaml_text(read_modal_data(path, mass)))
+        print_message(f"written {folder / APPENDAGE}")
+        return
+    for name in (MODEL, PAGE):
+        check_output_file(folder / name, "--out")
+    if uff is not None:
+        check_output_file(uff, "--uff")
+    found = identify_responses(read_responses(path), band)
+    write_model(folder / MODEL, yaml_text(response_numbers(found)))
+    page = write_page(responses_page(found), folder / PAGE)
+    if uff is not None:
+        write_response_model(uff, found)
+    if as_json:
+        print(json_text(response_numbers(found)))
+    else:
+        print_table(("", path.name), response_rows(found))
+        print_message(responses_verdict(found), "bold")
     print_message(f"written {folder / MODEL} and {link(page)}")
 
 

@@ -11,6 +11,7 @@ from flexslew_lab.identification.clocks import resample_evenly
 from flexslew_lab.identification.coloured import coloured_fit
 from flexslew_lab.identification.modal_fit import ModalFit, modal_fit, noise_of, refined
 from flexslew_lab.identification.oscillators import Oscillator
+from flexslew_lab.identification.parameter_groups import ParameterGroup, groups_of
 from flexslew_lab.identification.record import Quantity, Record
 from flexslew_lab.identification.regressors import RegressorSignals
 from flexslew_lab.identification.selection import prune, selected
@@ -50,7 +51,7 @@ class FittedMode:
         damping_ratio: [-].
         periods: how many of it the record holds.
         participation: how strongly each input drives it, largest 1, (inputs,).
-        shape: displacement of each output per unit of it, largest 1, (displacements,).
+        shape: displacement of each group of outputs per unit of it, largest 1, (groups,).
     """
 
     frequency: Interval
@@ -105,6 +106,11 @@ class ModalModel:
     starts: tuple[Poles, ...]
     whiteness: tuple[Whiteness, ...]
     noise_order: int = 0
+
+    @property
+    def groups(self) -> tuple[ParameterGroup, ...]:
+        """Groups of outputs, in the order of the residues and of the shapes."""
+        return groups_of(self.record)
 
     @property
     def outside(self) -> int:

@@ -12,7 +12,7 @@ from flexslew_plant.extras import required
 from flexslew_plant.given_file import LARGEST, open_given
 from flexslew_plant.near_names import spelling_hint
 
-FUNCTION, DATA_AT_NODES = 58, 55  # types of datasets
+FUNCTION, DATA_AT_NODES, COORDINATES = 58, 55, (15, 2411)  # types of datasets
 TIME_RESPONSE, FREQUENCY_RESPONSE = 1, 4  # types of functions
 _DIRECTIONS = ("", "X", "Y", "Z", "RX", "RY", "RZ")
 
@@ -23,7 +23,28 @@ def read_datasets(path: Path, kind: int) -> list[Dataset]:
     """Return the datasets of one type of a universal file, as pyuff gives them.
 
     Raises:
-        BadInput: if it is damaged, too large, or has none of this type.
+        BadInput: see datasets_by_type; or if there are none.
+    """
+    if not (found := datasets_by_type(path, (kind,))):
+        raise BadInput(f"holds no dataset {kind}; its datasets are: {_listed(path)}", path)
+    return found
+
+
+def has_responses(path: Path) -> bool:
+    """Return whether a universal file holds frequency responses.
+
+    Raises:
+        BadInput: see datasets_by_type.
+    """
+    functions = datasets_by_type(path, (FUNCTION,))
+    return any(one.get("func_type") == FREQUENCY_RESPONSE for one in functions)
+
+
+def datasets_by_type(path: Path, kinds: tuple[int, ...]) -> list[Dataset]:
+    """Return the datasets of some types, in the order of the file.
+
+    Raises:
+        BadInput: if it is damaged or too large.
         ModuleNotFoundError: if pyuff is missing.
     """
     pyuff: Any = required("pyuff")
@@ -33,13 +54,15 @@ def read_datasets(path: Path, kind: int) -> list[Dataset]:
             warnings.simplefilter("ignore")
             file = pyuff.UFF(str(path))
             types = [int(one) for one in file.get_set_types()]
-            found = [file.read_sets(k) for k, one in enumerate(types) if one == kind]
+            return [file.read_sets(k) for k, one in enumerate(types) if one in kinds]
     except Exception as error:  # damaged text meets a parser with errors of many kinds
         raise BadInput(f"cannot be read: {error or type(error).__name__}", path) from None
-    if not found:
-        numbers = ", ".join(map(str, sorted(set(types)))) or "none"
-        raise BadInput(f"holds no dataset {kind}; its datasets are: {numbers}", path)
-    return found
+
+
+def _listed(path: Path) -> str:
+    pyuff: Any = required("pyuff")
+    types = {int(one) for one in pyuff.UFF(str(path)).get_set_types()}
+    return ", ".join(map(str, sorted(types))) or "none"
 
 
 def read_uff(path: Path, names: list[str], clock: FileClock) -> Columns:
