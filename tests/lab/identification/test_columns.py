@@ -251,3 +251,10 @@ def test_position_and_rate_that_disagree_are_named_with_the_factor(
     if words is not None:
         assert notes[0].startswith(f"position.hub is {factor:.3g} times the integral of rate.hub")
         assert words in notes[0]
+
+
+def test_a_number_that_no_sensor_gives_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "lab.csv"
+    path.write_text("time,u\n0,1\n1,1e101\n2,3\n")
+    with pytest.raises(BadInput, match=r"u: has a number above 1e\+100; is the file damaged"):
+        external_record(path, ("u",), ("u",))

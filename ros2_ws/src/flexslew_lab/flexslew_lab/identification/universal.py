@@ -15,6 +15,8 @@ from flexslew_lab.identification.files.uff import (
     abscissa,
     datasets_by_type,
     degree_of_freedom,
+    integer,
+    numbers,
     read_datasets,
 )
 from flexslew_lab.identification.frequency_response import FrequencyResponse
@@ -47,7 +49,7 @@ def read_responses(path: Path) -> Responses:
     found = [
         one
         for one in read_datasets(path, FUNCTION)
-        if int(one.get("func_type", 0)) == FREQUENCY_RESPONSE
+        if integer(path, one, "func_type") == FREQUENCY_RESPONSE
     ]
     if not found:
         raise BadInput("holds no frequency response (dataset 58 of function type 4)", path)
@@ -55,7 +57,7 @@ def read_responses(path: Path) -> Responses:
     orders, outputs, inputs, values = [], [], [], []
     for one in found:
         output = degree_of_freedom(path, one, "rsp")
-        kind = int(one.get("ordinate_spec_data_type", 0))
+        kind = integer(path, one, "ordinate_spec_data_type")
         if kind not in _ORDERS:
             raise BadInput(
                 f"{output}: the response is of type {kind}; allowed are displacement (8), velocity "
@@ -193,25 +195,25 @@ def read_modal_data(path: Path, mass: float) -> dict[str, Any]:
     modes = [
         one
         for one in read_datasets(path, DATA_AT_NODES)
-        if int(one.get("analysis_type", 0)) == _NORMAL_MODE
+        if integer(path, one, "analysis_type") == _NORMAL_MODE
     ]
     if not modes:
         raise BadInput("holds no normal mode (dataset 55 of analysis type 2)", path)
-    modes.sort(key=lambda one: float(one["freq"]))
-    nodes = sorted({int(node) for one in modes for node in one["node_nums"]})
+    values = np.hstack([numbers(path, one, "freq", "modal_damp_vis") for one in modes])
+    order = np.argsort(values[0])
+    tables = [numbers(path, modes[k], "node_nums", "r1", "r2", "r3") for k in order]
+    nodes = sorted({int(node) for table in tables for node in table[0]})
     if missing := [node for node in nodes if node not in places]:
         raise BadInput(f"node {missing[0]} of a mode has no coordinates", path)
     points = np.array([places[node] for node in nodes])
     shapes = np.zeros((len(modes), len(nodes), 3))
-    for k, one in enumerate(modes):
-        rows = [nodes.index(int(node)) for node in one["node_nums"]]
-        for axis, key in enumerate(("r1", "r2", "r3")):
-            shapes[k, rows, axis] = np.real(one[key])
+    for k, table in enumerate(tables):
+        shapes[k, [nodes.index(int(node)) for node in table[0]]] = table[1:].T
     each = mass / len(nodes)
     return {
         "units": "si",
-        "frequencies_hz": [float(one["freq"]) for one in modes],
-        "damping_ratios": [float(one.get("modal_damp_vis", 0.0)) for one in modes],
+        "frequencies_hz": values[0, order].tolist(),
+        "damping_ratios": values[1, order].tolist(),
         "points": points.tolist(),
         "masses": [each] * len(nodes),
         "shapes": shapes.tolist(),
@@ -223,8 +225,8 @@ def _coordinates(path: Path) -> dict[int, tuple[float, float, float]]:
     """Return the places of the nodes [m]."""
     found = {}
     for one in datasets_by_type(path, COORDINATES):
-        for node, *place in zip(one["node_nums"], one["x"], one["y"], one["z"], strict=True):
-            found[int(node)] = (float(place[0]), float(place[1]), float(place[2]))
+        for node, x, y, z in numbers(path, one, "node_nums", "x", "y", "z").T.tolist():
+            found[int(node)] = (x, y, z)
     if not found:
         raise BadInput("holds no coordinates of nodes (dataset 15 or 2411)", path)
     return found

@@ -8,6 +8,7 @@ import numpy as np
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 
+LARGEST_VALUE = 1e100  # whose square is a number
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of times [s]
 
 
@@ -41,13 +42,15 @@ Choose: TypeAlias = Callable[[tuple[str, ...]], tuple[str, ...]]
 
 
 def require_times(columns: Columns) -> None:
-    """Require of every series two samples and more, at finite times that increase.
+    """Require of every series two samples and more, at finite times that increase, and of a size.
 
     Raises:
         BadInput: if one has not; with the time.
     """
-    for name, (t, _) in columns.series.items():
+    for name, (t, values) in columns.series.items():
         place = f"{columns.source}: {name}"
+        if (np.abs(values) > LARGEST_VALUE).any() or (np.abs(t) > LARGEST_VALUE).any():
+            raise BadInput(f"{place}: has a number above {LARGEST_VALUE:g}; is the file damaged?")
         if len(t) < 2 or not np.isfinite(t).all():
             raise BadInput(f"{place}: two samples and more are needed, at finite times")
         steps = np.diff(t)

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexslew_lab.identification.files.columns import Columns, FileClock
 from flexslew_plant.errors import BadInput
@@ -76,7 +77,7 @@ def read_uff(path: Path, names: list[str], clock: FileClock) -> Columns:
     if clock.unit is not None or clock.column is not None or clock.recorded:
         raise BadInput("its times are in seconds, in each dataset; leave out --time, --time-unit "
                        "and --stamps", path)  # fmt: skip
-    functions = [one for one in read_datasets(path, FUNCTION) if _integer(path, one, "func_type")
+    functions = [one for one in read_datasets(path, FUNCTION) if integer(path, one, "func_type")
                  == TIME_RESPONSE]  # fmt: skip
     by_name: dict[str, list[Dataset]] = {}
     for one in functions:
@@ -97,11 +98,11 @@ def read_uff(path: Path, names: list[str], clock: FileClock) -> Columns:
 
 def abscissa(path: Path, one: Dataset) -> Any:
     """Return times [s] or frequencies [Hz] of a function, increasing numbers."""
-    x = np.asarray(one.get("x", ()), dtype=np.float64)
+    (x,) = numbers(path, one, "x")
     data = np.asarray(one.get("data", ()))
-    if x.ndim != 1 or x.shape != data.shape or x.size < 2:
+    if x.shape != data.shape or x.size < 2 or data.dtype.kind not in "fc":
         raise BadInput(f"a function has {data.size} values at {x.size} places", path)
-    return x
+    return np.asarray(x)
 
 
 def real_values(path: Path, one: Dataset) -> Any:
@@ -116,14 +117,35 @@ def real_values(path: Path, one: Dataset) -> Any:
 
 def degree_of_freedom(path: Path, one: Dataset, side: str) -> str:
     """Return node and direction of a response (`rsp`) or a reference (`ref`), as `12+Z`."""
-    node, code = (_integer(path, one, f"{side}_{what}") for what in ("node", "dir"))
+    node, code = (integer(path, one, f"{side}_{what}") for what in ("node", "dir"))
     if abs(code) >= len(_DIRECTIONS):
         raise BadInput(f"direction {code} of node {node} is unknown; allowed are -6 to 6", path)
     return f"{node}{'' if code == 0 else '-' if code < 0 else '+'}{_DIRECTIONS[abs(code)]}"
 
 
-def _integer(path: Path, one: Dataset, key: str) -> int:
+def numbers(path: Path, one: Dataset, *keys: str) -> NDArray[Any]:
+    """Return finite numbers of a dataset, shape (keys, entries); of each key as many.
+
+    Raises:
+        BadInput: if one is missing, or they are no numbers or not as many.
+    """
+    try:
+        found = np.array([np.atleast_1d(np.real(one[key])) for key in keys], dtype=np.float64)
+    except (KeyError, TypeError, ValueError):
+        found = np.zeros(0)
+    if found.ndim != 2 or not np.isfinite(found).all():
+        raise BadInput(f"a dataset has not as many finite numbers of each of {', '.join(keys)}",
+                       path)  # fmt: skip
+    return found
+
+
+def integer(path: Path, one: Dataset, key: str) -> int:
+    """Return a whole number of a dataset.
+
+    Raises:
+        BadInput: if it is missing.
+    """
     try:
         return int(one[key])
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         raise BadInput(f"a dataset has no {key}", path) from None
