@@ -108,7 +108,7 @@ WRITERS: dict[str, Callable[[Path, Table], None]] = {
     "lab.dat": lambda path, values: as_csv(path, values, ";", ","),
     "lab.mat": lambda path, values: savemat(path, values),
     "lab7_3.mat": as_hdf5,
-    "lab.npz": lambda path, values: np.savez(path, **values),
+    "lab.npz": lambda path, values: np.savez(path, **dict[str, Any](values)),
     "lab.parquet": as_parquet,
     "dated.parquet": as_dated_parquet,
     "lab.uff": as_uff,

@@ -10,7 +10,7 @@ from tests.lab.identification.gappy import OUTPUTS, Loss, lossy_record
 
 from flexslew_lab.cli.main import main
 from flexslew_lab.identification.frequency_response import FrequencyResponse
-from flexslew_lab.identification.frf_fit import Responses, identify_responses
+from flexslew_lab.identification.frf_fit import MeasuredResponses, identify_responses
 from flexslew_lab.identification.modes import identify_modes
 from flexslew_lab.identification.universal import (
     read_modal_data,
@@ -28,7 +28,7 @@ INERTIA = 2.0  # kg m^2
 W = 2.0 * np.pi * 0.01 * np.arange(1, 701)  # [rad/s]
 
 
-def responses(seed: int, order: int = 2, noise: float = 0.02) -> Responses:
+def responses(seed: int, order: int = 2, noise: float = 0.02) -> MeasuredResponses:
     """Return two responses of a free body with four modes, with complex noise."""
     rng = np.random.default_rng((seed, 3))
     s = 1j * W[:, None]
@@ -38,7 +38,7 @@ def responses(seed: int, order: int = 2, noise: float = 0.02) -> Responses:
     h = h * s**order
     scatter = rng.standard_normal(h.shape) + 1j * rng.standard_normal(h.shape)
     values = h + noise * h.std(axis=0) * scatter / np.sqrt(2.0)
-    return Responses(W, values, (order, order), ("1+Z", "2+Z"), ("1+Z", "1+Z"), "here")
+    return MeasuredResponses(W, values, (order, order), ("1+Z", "2+Z"), ("1+Z", "1+Z"), "here")
 
 
 @pytest.mark.parametrize("order", [0, 1, 2])

@@ -93,7 +93,7 @@ def _replaced(
     """Return the poles that are close to modes, and the modes without such a pole."""
 
     def close(one: Oscillator, other: Oscillator) -> bool:
-        return abs(np.log(one.frequency / other.frequency)) < _CLOSE
+        return bool(abs(np.log(one.frequency / other.frequency)) < _CLOSE)
 
     kept = [pole for pole in poles if any(close(pole, mode) for mode in modes)]
     alone = [mode for mode in modes if not any(close(mode, pole) for pole in kept)]

@@ -32,7 +32,7 @@ Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
-class Responses:
+class MeasuredResponses:
     """Measured frequency responses of one bench.
 
     Args:
@@ -51,10 +51,10 @@ class Responses:
     inputs: tuple[str, ...]
     source: str
 
-    def within(self, band: tuple[float, float]) -> "Responses":
+    def within(self, band: tuple[float, float]) -> "MeasuredResponses":
         """Return the lines of a band [rad/s]."""
         kept = (self.frequency >= band[0]) & (self.frequency <= band[1])
-        return Responses(
+        return MeasuredResponses(
             self.frequency[kept], self.values[kept], self.orders, self.outputs, self.inputs,
             self.source,
         )  # fmt: skip
@@ -72,14 +72,16 @@ class ResponseModel:
         noise: standard deviation of each response, real and imaginary part alike, (responses,).
     """
 
-    responses: Responses
+    responses: MeasuredResponses
     modes: tuple[FittedMode, ...]
     residues: Matrix
     fitted: Complex
     noise: Vector
 
 
-def identify_responses(responses: Responses, band: tuple[float, float] | None) -> ResponseModel:
+def identify_responses(
+    responses: MeasuredResponses, band: tuple[float, float] | None
+) -> ResponseModel:
     """Return the modes of frequency responses with their intervals.
 
     Args:
@@ -107,7 +109,7 @@ def identify_responses(responses: Responses, band: tuple[float, float] | None) -
     return _model(responses, modes, noise)
 
 
-def common_poles(responses: Responses) -> Poles:
+def common_poles(responses: MeasuredResponses) -> Poles:
     """Return the poles of a common denominator in z for every order.
 
     Args:
@@ -152,7 +154,7 @@ def _real(values: Complex) -> Matrix:
     return np.concatenate((values.real, values.imag))
 
 
-def _solved(responses: Responses, modes: tuple[Oscillator, ...]) -> tuple[Matrix, Complex]:
+def _solved(responses: MeasuredResponses, modes: tuple[Oscillator, ...]) -> tuple[Matrix, Complex]:
     """Return the weights of every response, (2 modes + 2, responses), and the fit."""
     fitted = np.empty_like(responses.values)
     weights = np.empty((2 * len(modes) + 2, len(responses.orders)))
@@ -166,7 +168,7 @@ def _solved(responses: Responses, modes: tuple[Oscillator, ...]) -> tuple[Matrix
 
 
 def _refined(
-    responses: Responses, modes: tuple[Oscillator, ...], noise: Vector
+    responses: MeasuredResponses, modes: tuple[Oscillator, ...], noise: Vector
 ) -> tuple[tuple[Oscillator, ...], Vector]:
     """Return the modes of least squares and the noise of every response."""
     for _ in range(_NOISE_ROUNDS):
@@ -187,13 +189,13 @@ def _oscillators(numbers: Vector) -> tuple[Oscillator, ...]:
     return tuple(Oscillator(float(np.exp(w)), float(zeta)) for w, zeta in pairs)
 
 
-def _residual(numbers: Vector, responses: Responses, noise: Vector) -> Vector:
+def _residual(numbers: Vector, responses: MeasuredResponses, noise: Vector) -> Vector:
     modes = tuple(Oscillator(float(np.exp(w)), float(z)) for w, z in numbers.reshape(-1, 2))
     left = (responses.values - _solved(responses, modes)[1]) / noise
     return np.asarray(_real(left).ravel())
 
 
-def _noise(responses: Responses, modes: tuple[Oscillator, ...]) -> Vector:
+def _noise(responses: MeasuredResponses, modes: tuple[Oscillator, ...]) -> Vector:
     left = responses.values - _solved(responses, modes)[1]
     freedom = max(2 * len(left) - 2 * len(modes) - 2 - 2 * len(modes) / left.shape[1], 1.0)
     noise = np.sqrt((np.abs(left) ** 2).sum(axis=0) / freedom)
@@ -201,7 +203,7 @@ def _noise(responses: Responses, modes: tuple[Oscillator, ...]) -> Vector:
 
 
 def _pruned(
-    responses: Responses, modes: tuple[Oscillator, ...], noise: Vector
+    responses: MeasuredResponses, modes: tuple[Oscillator, ...], noise: Vector
 ) -> tuple[tuple[Oscillator, ...], Vector]:
     """Return the modes without those that do not pay for their parameters (Schwarz)."""
     rows = 2 * responses.values.size
@@ -221,11 +223,14 @@ def _pruned(
     return modes, noise
 
 
-def _model(responses: Responses, modes: tuple[Oscillator, ...], noise: Vector) -> ResponseModel:
+def _model(
+    responses: MeasuredResponses, modes: tuple[Oscillator, ...], noise: Vector
+) -> ResponseModel:
     found = least_squares(_residual, _numbers(modes), method="lm", x_scale="jac",
                           args=(responses, noise))  # fmt: skip
     modes = _oscillators(found.x)
-    covariance = np.linalg.pinv(found.jac.T @ found.jac)
+    slopes = np.asarray(found.jac, dtype=np.float64)
+    covariance = np.linalg.pinv(slopes.T @ slopes)
     spread = np.sqrt(np.diag(covariance)).reshape(-1, 2)[np.argsort(found.x[::2])]
     weights, fitted = _solved(responses, modes)
     inputs = tuple(dict.fromkeys(responses.inputs))

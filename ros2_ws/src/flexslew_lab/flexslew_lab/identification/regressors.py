@@ -64,7 +64,7 @@ class RegressorSignals:
         self.constant = self.cut(one[:, None])
         self.line = self.cut(np.column_stack((one, t)))
         self._accelerations = bool(record.columns(Quantity.ACCELERATION))
-        rigid = double_integral(record.effort, h)
+        rigid: Orders = double_integral(record.effort, h)
         if self._accelerations:
             u = record.effort
             rigid = (*rigid, np.hstack((np.vstack((u[:1], u)), np.vstack((u, u[-1:])))))
@@ -84,7 +84,7 @@ class RegressorSignals:
         if self.filters is None:
             return columns
         taps = self.filters[column]
-        return np.asarray(lfilter(taps, 1.0, columns, axis=0)[len(taps) - 1 :])
+        return np.asarray(lfilter(taps, [1.0], columns, axis=0)[len(taps) - 1 :])
 
     @property
     def rows(self) -> int:

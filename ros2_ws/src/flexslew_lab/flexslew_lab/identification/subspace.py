@@ -154,7 +154,7 @@ def markov_parameters(record: ResampledRecord) -> np.ndarray:
         past += [u[lags - k : -k], y[lags - k : -k]]
     found = np.linalg.lstsq(np.hstack(past), y[lags:], rcond=None)[0].T
     width = inputs + outputs
-    direct = np.zeros((outputs, inputs))
+    direct: Matrix = np.zeros((outputs, inputs))
     if record.feedthrough:
         direct, found = found[:, :inputs], found[:, inputs:]
     observer = [found[:, k * width : (k + 1) * width] for k in range(lags)]

@@ -20,7 +20,7 @@ from flexslew_lab.identification.files.uff import (
     read_datasets,
 )
 from flexslew_lab.identification.frequency_response import FrequencyResponse
-from flexslew_lab.identification.frf_fit import ResponseModel, Responses
+from flexslew_lab.identification.frf_fit import MeasuredResponses, ResponseModel
 from flexslew_lab.identification.modes import FittedMode, ModalModel
 from flexslew_lab.identification.record import Quantity
 from flexslew_plant.arrays import Vector
@@ -39,7 +39,7 @@ _QUANTITY_ORDERS = {
 }
 
 
-def read_responses(path: Path) -> Responses:
+def read_responses(path: Path) -> MeasuredResponses:
     """Return the frequency responses of a universal file.
 
     Raises:
@@ -76,7 +76,7 @@ def read_responses(path: Path) -> Responses:
     if (np.diff(frequency) <= 0.0).any():
         raise BadInput("the frequencies do not rise", path)
     kept = frequency > 0.0
-    return Responses(
+    return MeasuredResponses(
         2.0 * np.pi * frequency[kept],
         matrix[kept],
         tuple(orders),

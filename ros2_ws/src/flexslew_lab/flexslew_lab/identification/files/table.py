@@ -64,7 +64,7 @@ def table_columns(read: TableReader, path: Path, names: list[str], clock: FileCl
     rows = {name: len(one) for name, one in values.items()}
     if time is None:
         assert clock.period is not None
-        t = clock.period * np.arange(max(rows.values()))
+        t = clock.period * np.arange(max(rows.values()), dtype=np.float64)
     else:
         t = _seconds(path, time, _vector(path, time, arrays), clock)
     for name, count in rows.items():
