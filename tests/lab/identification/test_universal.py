@@ -25,7 +25,7 @@ from flexslew_plant.yaml_data import load_yaml, yaml_text
 MODES = ((5.0, 0.01), (12.0, 0.02), (12.6, 0.015), (30.0, 0.005))  # [rad/s], [-]
 RESIDUES = np.array([[1.0, 0.5], [0.8, -0.6], [0.5, 0.9], [2.0, 1.0]])
 INERTIA = 2.0  # kg m^2
-W = 2.0 * np.pi * 0.01 * np.arange(1, 701)  # [rad/s]
+W = 2.0 * np.pi * 0.01 * np.arange(1.0, 701.0, dtype=np.float64)  # [rad/s]
 
 
 def responses(seed: int, order: int = 2, noise: float = 0.02) -> MeasuredResponses:

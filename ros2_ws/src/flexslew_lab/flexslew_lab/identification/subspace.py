@@ -156,7 +156,8 @@ def markov_parameters(record: ResampledRecord) -> np.ndarray:
     width = inputs + outputs
     direct: Matrix = np.zeros((outputs, inputs))
     if record.feedthrough:
-        direct, found = found[:, :inputs], found[:, inputs:]
+        direct = np.asarray(found[:, :inputs], dtype=np.float64)
+        found = found[:, inputs:]
     observer = [found[:, k * width : (k + 1) * width] for k in range(lags)]
     system = [direct]
     for k in range(1, _MARKOV):
