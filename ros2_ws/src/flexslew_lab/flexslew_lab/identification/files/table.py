@@ -127,7 +127,7 @@ def _vector(path: Path, name: str, arrays: Arrays) -> NDArray[Any]:
         BadInput: if it is none.
     """
     if (array := arrays.get(name)) is not None:
-        column = np.squeeze(array)
+        column = array.ravel() if array.size == max(array.shape, default=1) else array
         if column.ndim == 1 and column.dtype.kind in "biufmM":
             return column
         if column.ndim == 2 and min(column.shape) > 0:
