@@ -96,7 +96,12 @@ def identify(
     from flexslew_lab.report.page import write_page
 
     if inputs is None and outputs is None and runs[0].suffix.lower() in UNIVERSAL:
-        given: dict[str, object] = {"--fit": fit, "--start": start, "--replan": replan, "--system": system}
+        given: dict[str, object] = {
+            "--fit": fit,
+            "--start": start,
+            "--replan": replan,
+            "--system": system,
+        }
         given |= {"--appendage": appendage, "--past": past, "--period": period, "--time": time}
         _require_none(runs, given | {"--time-unit": time_unit})
         _identify_universal(runs[0], _band(band), mass, out, uff, as_json)

@@ -31,16 +31,6 @@ def read_datasets(path: Path, kind: int) -> list[Dataset]:
     return found
 
 
-def has_responses(path: Path) -> bool:
-    """Return whether a universal file holds frequency responses.
-
-    Raises:
-        BadInput: see datasets_by_type.
-    """
-    functions = datasets_by_type(path, (FUNCTION,))
-    return any(one.get("func_type") == FREQUENCY_RESPONSE for one in functions)
-
-
 def datasets_by_type(path: Path, kinds: tuple[int, ...]) -> list[Dataset]:
     """Return the datasets of some types, in the order of the file.
 
