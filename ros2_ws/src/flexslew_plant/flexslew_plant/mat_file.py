@@ -111,7 +111,9 @@ def _read_version_5(
 
     def numbers_of(key: str) -> Any:
         value: Any = variables[key]
-        if not issparse(value) and (not isinstance(value, np.ndarray) or value.dtype.kind not in "biufc"):
+        if not issparse(value) and (
+            not isinstance(value, np.ndarray) or value.dtype.kind not in "biufc"
+        ):
             raise _NoNumbers(_no_matrix(key))
         _check_size(key, value.shape, most)
         return _real(key, value.toarray() if issparse(value) else value)

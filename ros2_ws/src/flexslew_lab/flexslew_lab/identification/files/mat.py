@@ -23,7 +23,7 @@ def read_mat_columns(path: Path, choose: Choose) -> dict[str, NDArray[Any]]:
     open_given(path, LARGEST).close()
     try:
         names = choose(tuple(read_mat(path, (), ())))
-        variables = read_mat(path, names, (), _MOST)
+        variables = read_mat(path, names, (), most=_MOST)
     except (OSError, ValueError) as error:
         raise BadInput(f"cannot be read: {error}", path) from None
     return {name: np.asarray(variables[name]) for name in names}
