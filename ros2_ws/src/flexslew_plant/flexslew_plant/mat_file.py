@@ -111,12 +111,11 @@ def _read_version_5(
 
     def numbers_of(key: str) -> Any:
         value: Any = variables[key]
-        if not issparse(value) and (
-            not isinstance(value, np.ndarray) or value.dtype.kind not in "biufc"
-        ):
+        is_sparse = issparse(value)
+        if not is_sparse and (not isinstance(value, np.ndarray) or value.dtype.kind not in "biufc"):
             raise _NoNumbers(_no_matrix(key))
         _check_size(key, value.shape, most)
-        return _real(key, value.toarray() if issparse(value) else value)
+        return _real(key, value.toarray() if is_sparse else value)
 
     def triplets_of(value: Any) -> dict[str, Any]:
         coordinates = value.tocoo()
@@ -131,11 +130,12 @@ def _read_version_5(
     _limit_memory()
     variables = loadmat(path, variable_names=[*numbers, *names])
     present = [name for name, _, _ in whosmat(path) if not name.startswith("__")]
-    kept = {
-        key: triplets_of(value)
-        for key, value in variables.items()
-        if sparse and issparse(value) and value.nnz <= most and not np.iscomplexobj(value)
-    }
+
+    def is_kept(value: Any) -> bool:
+        is_sparse = issparse(value)
+        return bool(is_sparse and value.nnz <= most and not np.iscomplexobj(value))
+
+    kept = {key: triplets_of(v) for key, v in variables.items() if sparse and is_kept(v)}
     found = [key for key in numbers if key in variables and key not in kept]
     arrays = {key: numbers_of(key) for key in found}
     texts = kept | {
