@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from flexslew_control.plan_file import load_plan
-from flexslew_lab.identification.csv_columns import read_csv
+from flexslew_lab.identification.files.csv_file import read_csv
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.studies.sampling.methods import list_of
 from flexslew_lab.studies.study import load_study
@@ -35,7 +35,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "study.yaml": load_study,
     "plan.yaml": load_plan,
     "samples.csv": lambda path: list_of(path, "study"),
-    "record.csv": lambda path: read_csv(path, ["u"]),
+    "record.csv": lambda path: read_csv(path, lambda names: ("u",)),
     "bag.mcap": BagReader,
 }
 

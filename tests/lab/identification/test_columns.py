@@ -10,10 +10,12 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from flexslew_lab.identification.bag_columns import read_bag
-from flexslew_lab.identification.columns import require_times
-from flexslew_lab.identification.csv_columns import column_names, read_csv
+from flexslew_lab.identification.files.bag import read_bag
+from flexslew_lab.identification.files.columns import FileClock
+from flexslew_lab.identification.files.csv_file import column_names, read_csv
+from flexslew_lab.identification.files.table import table_columns
 from flexslew_lab.identification.foreign import external_record
+from flexslew_lab.identification.rate_check import rate_notes
 from flexslew_plant.errors import BadInput
 
 TIMES, U, X = (0.0, 0.1, 0.2, 0.3), (1.0, 0.0, -1.0, 1.0), (0.0, 0.01, 0.02, 0.03)
@@ -47,7 +49,7 @@ def test_a_table_is_read_however_its_columns_are_separated(
 ) -> None:
     path = tmp_path / "lab.csv"
     path.write_bytes((mark + table(delimiter, point, name).replace("\n", end)).encode())
-    series = read_csv(path, [column, "x"]).series
+    series = table_columns(read_csv, path, [column, "x"], FileClock()).series
     for key, values in ((column, U), ("x", X)):
         np.testing.assert_array_equal(series[key], (TIMES, values))
 
@@ -73,7 +75,7 @@ def test_what_is_no_table_is_refused_with_its_header(text: str, words: str, tmp_
     path = tmp_path / "lab.csv"
     path.write_text(text)
     with pytest.raises(BadInput, match=words):
-        read_csv(path, ["u", "x"])
+        table_columns(read_csv, path, ["u", "x"], FileClock())
 
 
 @pytest.mark.parametrize(
@@ -154,9 +156,105 @@ def test_a_bag_without_definitions_is_read(tmp_path: Path) -> None:
         read_bag(path, ["/other.x"])
 
 
-def test_stamps_that_were_never_set_give_way_to_the_time_of_recording(tmp_path: Path) -> None:
-    columns = read_bag(bag(tmp_path / "bag", StoragePlugin.MCAP, (0.0,) * 4), NAMES)
+@pytest.mark.parametrize("stamp", [0.0, 3.0])
+def test_stamps_that_stand_still_give_way_to_the_time_of_recording(
+    stamp: float, tmp_path: Path
+) -> None:
+    columns = read_bag(bag(tmp_path / "bag", StoragePlugin.MCAP, (stamp,) * 4), NAMES)
     np.testing.assert_allclose(columns.series["/point.point.x"][0], TIMES, atol=1e-9)
-    still = read_bag(bag(tmp_path / "still", StoragePlugin.MCAP, (3.0,) * 4), NAMES)
-    with pytest.raises(BadInput, match=r"/point\.point\.x: the time stands still at 3 s"):
-        require_times(still)
+    assert columns.notes == (
+        "/point.point.x: the stamps stand still; the times of recording count",
+    )
+
+
+def test_times_of_recording_count_where_they_are_requested(tmp_path: Path) -> None:
+    path = bag(tmp_path / "bag", StoragePlugin.MCAP, (7.0, 8.0, 9.0, 10.0))
+    for recorded, times in ((False, (7.0, 8.0, 9.0, 10.0)), (True, TIMES)):
+        columns = read_bag(path, NAMES, FileClock(recorded=recorded))
+        np.testing.assert_allclose(columns.series["/point.point.x"][0], times, atol=1e-9)
+        assert columns.notes == ()
+
+
+def read(path: Path, names: list[str], clock: FileClock = FileClock()) -> Any:  # noqa: B008
+    return table_columns(read_csv, path, names, clock).series
+
+
+@pytest.mark.parametrize(
+    ("content", "names"),
+    [
+        (b"0 1 0\n1 0 .5\n2 -1 1\n", ("2", "3")),  # no header
+        (b"  0.0\t 1.0 \t0\n  1.0\t 0 \t.5\n  2\t-1\t1\n", ("2", "3")),
+        (b"# made in a lab\n# time u x\n0 1 0\n1 0 .5\n2 -1 1\n", ("u", "x")),
+        (b"% comment\ntime,u,x\n0,1,0\n# pause\n1,0,.5\n\n2,-1,1\n", ("u", "x")),
+        (b'"time","u","x"\n"0,0","1,0","0,0"\n"1,0","0,0","0,5"\n"2,0","-1","1"\n', ("u", "x")),
+        ("time;Moment [N\xb7m];x\n0;1;0\n1;0;,5\n2;-1;1\n".encode("latin-1"),
+         ("Moment [N\xb7m]", "x")),
+        ("time\tu\tx\n0\t1\t0\n1\t0\t.5\n2\t-1\t1\n".encode("utf-16"), ("u", "x")),
+        (b"state,time,u,x\nrun,0,1,0\nrun,1,0,.5\nend,2,-1,1\n", ("u", "x")),
+    ],
+)  # fmt: skip
+def test_tables_of_other_programs_are_read(
+    content: bytes, names: tuple[str, str], tmp_path: Path
+) -> None:
+    path = tmp_path / "lab.csv"
+    path.write_bytes(content)
+    clock = FileClock(column="1" if names[0] == "2" else None)
+    found = read(path, list(names), clock)
+    np.testing.assert_array_equal(found[names[0]], ([0.0, 1.0, 2.0], [1.0, 0.0, -1.0]))
+    np.testing.assert_array_equal(found[names[1]], ([0.0, 1.0, 2.0], [0.0, 0.5, 1.0]))
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "step"),
+    [
+        ("time", None, 1.0), ("t", "ms", 1e-3), ("Time [ms]", None, 1e-3), ("t_ns", None, 1e-9),
+        ("timestamp", "us", 1e-6), ("time (s)", None, 1.0), ("time_ms", "s", 1.0),
+    ],
+)  # fmt: skip
+def test_times_have_the_unit_of_the_option_or_of_their_name(
+    name: str, unit: str | None, step: float, tmp_path: Path
+) -> None:
+    path = tmp_path / "lab.csv"
+    path.write_text(f"{name},u\n0,1\n1,2\n2,3\n")
+    t, _ = read(path, ["u"], FileClock(unit=unit))["u"]
+    np.testing.assert_allclose(t, step * np.arange(3.0))
+
+
+def test_a_file_without_times_has_the_period(tmp_path: Path) -> None:
+    path = tmp_path / "lab.txt"
+    path.write_text("1 2\n3 4\n5 6\n")
+    np.testing.assert_allclose(
+        read(path, ["2"], FileClock(period=0.5))["2"], ([0, 0.5, 1], [2, 4, 6])
+    )
+    with pytest.raises(BadInput, match=r"no column of times; .* or give --period; .*: 1; 2"):
+        read(path, ["2"])
+    with pytest.raises(BadInput, match="--time: 'clock' is not allowed: no such column"):
+        read(path, ["2"], FileClock(column="clock"))
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (1.0, None), (1e-3, "--time-unit ms"), (1e-6, "--time-unit us"), (1e-9, "--time-unit ns"),
+        (57.29578, "position in degrees"), (0.0174533, "rate in degrees"), (-1.0, "other sign"),
+        (3.0, "check the units"),
+    ],
+)  # fmt: skip
+def test_position_and_rate_that_disagree_are_named_with_the_factor(
+    factor: float, words: str | None
+) -> None:
+    t = np.linspace(0.0, 10.0, 2001)
+    position = factor * (np.sin(3.0 * t) + 0.2 * t)
+    series = {"position.hub": (t, position), "rate.hub": (t, 3.0 * np.cos(3.0 * t) + 0.2)}
+    notes = rate_notes(series)
+    assert len(notes) == (words is not None)
+    if words is not None:
+        assert notes[0].startswith(f"position.hub is {factor:.3g} times the integral of rate.hub")
+        assert words in notes[0]
+
+
+def test_a_number_that_no_sensor_gives_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "lab.csv"
+    path.write_text("time,u\n0,1\n1,1e101\n2,3\n")
+    with pytest.raises(BadInput, match=r"u: has a number above 1e\+100; is the file damaged"):
+        external_record(path, ("u",), ("u",))

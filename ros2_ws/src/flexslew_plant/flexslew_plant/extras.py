@@ -11,11 +11,13 @@ EXTRAS = {
     "ctrlsys": "ctrlsys",
     "distributed": "dask",
     "foxglove": "foxglove",
+    "h5py": "measurements",
     "matplotlib": "control",
     "nicegui": "console",
     "optuna": "gains",
     "pandas": "pandas",
     "pyarrow": "export",
+    "pyuff": "measurements",
     "websockets": "foxglove",
     "xarray": "xarray",
 }

@@ -1,58 +1,79 @@
-"""What a .mat file of MATLAB holds, read by a process of its own.
+"""Variables of a .mat file of MATLAB, version 5 to 7.3, read by a process of its own.
 
-SciPy's reader, which is run here as a program, ends its process over some damaged files.
+SciPy's reader and HDF5, which are run here as a program, end their process over some damaged files.
 """
 
 import json
 import subprocess
 import sys
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 _VERSION_7_3 = b"\x00\x02IM"  # bytes 124 to 127, also where MATLAB writes big-endian: never
 _ERROR = "refused"  # key of what the reader prints, in place of the variables
-_MOST = 1_000_000  # numbers of a matrix
+_NAMES = "="  # of the array that holds all but numbers as JSON; no variable is called so
+MOST = 1_000_000  # numbers of a matrix
 _TIMEOUT = 60.0  # of a reader [s]
 _MEMORY = 256 << 20  # of a reader, besides its modules [B]
 _TOO_LARGE = 3  # exit code of a reader that needs more
 
 
 def read_mat(
-    path: Path, numbers: tuple[str, ...], names: tuple[str, ...], sparse: bool = False
+    path: Path,
+    numbers: tuple[str, ...],
+    names: tuple[str, ...],
+    sparse: bool = False,
+    most: int = MOST,
 ) -> dict[str, Any]:
-    """Return these variables of a file as plain data, those that it has; others as None.
+    """Return these variables of a file, those that it has; others as None.
 
     Args:
-        path: of MATLAB's version 5 to 7.
-        numbers: variables that hold real numbers, as rows.
+        path: of MATLAB's version 5 to 7.3.
+        numbers: variables that hold real numbers; they become arrays.
         names: variables that hold text in cells or rows, as lists.
-
         sparse: whether sparse matrices are returned as keys `shape` and `triplets`: rows and
-            columns from 0, values.
+            columns from 0, values; of version 5 to 7.
+        most: numbers of a matrix, at most.
 
     Raises:
         OSError: it cannot be opened.
-        ValueError: it is of version 7.3, damaged or no such file, or a variable holds no numbers.
+        ValueError: it is damaged or no such file, a variable holds no numbers, or it is of version
+            7.3 and h5py is missing.
     """
+    from flexslew_plant.npz_file import read_npz
+
     with path.open("rb") as file:
-        if file.read(128)[124:] == _VERSION_7_3:
-            raise ValueError(
-                "it is of MATLAB's version 7.3; save it again with -v7: "
-                "save system.mat A B C D Ts -v7"
-            )
-    request = [sys.executable, "-P", __file__, str(path), json.dumps([numbers, names, sparse])]
+        hdf5 = file.read(128)[124:] == _VERSION_7_3
+    if hdf5:
+        _require_h5py()
+    request = [sys.executable, "-P", __file__, str(path)]
+    request.append(json.dumps([numbers, names, sparse, most, hdf5]))
     try:
-        done = subprocess.run(request, capture_output=True, text=True, timeout=_TIMEOUT, check=True)
+        done = subprocess.run(request, capture_output=True, timeout=_TIMEOUT, check=True)
     except subprocess.TimeoutExpired:
         raise ValueError(f"its reader has not ended within {_TIMEOUT:g} s") from None
     except subprocess.CalledProcessError as error:
         if error.returncode == _TOO_LARGE:
             raise ValueError(f"it unpacks to more than {_MEMORY >> 20} MiB") from None
-        raise ValueError("it is no MATLAB file of version 5 to 7, or damaged") from None
-    found: dict[str, Any] = json.loads(done.stdout)
+        raise ValueError("it is no MATLAB file of version 5 to 7.3, or damaged") from None
+    arrays = read_npz(BytesIO(done.stdout))
+    found: dict[str, Any] = json.loads(str(arrays.pop(_NAMES)))
     if why := found.pop(_ERROR, ""):
         raise ValueError(why)
-    return found
+    return arrays | found
+
+
+def _require_h5py() -> None:
+    import importlib.util
+
+    from flexslew_plant.extras import install_command
+
+    if importlib.util.find_spec("h5py") is None:
+        raise ValueError(
+            "it is of MATLAB's version 7.3, which needs the package h5py: "
+            f"{install_command('h5py')}; or save it again with -v7: save system.mat A B C D Ts -v7"
+        )
 
 
 class _NoNumbers(Exception):
@@ -60,7 +81,30 @@ class _NoNumbers(Exception):
 
 
 def _main(path: str, request: str) -> None:
-    """Print the variables as JSON."""
+    """Write the variables as an .npz file."""
+    import numpy as np
+
+    numbers, names, sparse, most, hdf5 = json.loads(request)
+    try:
+        if hdf5:
+            arrays, texts, present = _read_hdf5(path, numbers, names, most)
+        else:
+            arrays, texts, present = _read_version_5(path, numbers, names, sparse, most)
+        found = texts | {name: None for name in present if name not in {*texts, *arrays}}
+        content: dict[str, Any] = {_NAMES: np.array(json.dumps(found)), **arrays}
+    except MemoryError:
+        sys.exit(_TOO_LARGE)
+    except _NoNumbers as error:
+        content = {_NAMES: np.array(json.dumps({_ERROR: str(error)}))}
+    buffer = BytesIO()
+    np.savez(buffer, **content)
+    sys.stdout.buffer.write(buffer.getvalue())
+
+
+def _read_version_5(
+    path: str, numbers: list[str], names: list[str], sparse: bool, most: int
+) -> tuple[dict[str, Any], dict[str, Any], list[str]]:
+    """Return matrices, sparse ones and lists of texts, and the names of all variables."""
     import numpy as np
     from scipy.io import loadmat, whosmat
     from scipy.sparse import issparse
@@ -69,46 +113,101 @@ def _main(path: str, request: str) -> None:
         value: Any = variables[key]
         is_sparse = issparse(value)
         if not is_sparse and (not isinstance(value, np.ndarray) or value.dtype.kind not in "biufc"):
-            raise _NoNumbers(
-                f"{key} holds no matrix of numbers; save every matrix as a variable of its own"
-            )
-        if sparse and is_sparse and value.nnz <= _MOST and not np.iscomplexobj(value):
-            triplets = value.tocoo()
-            parts = (triplets.row, triplets.col, triplets.data)
-            return {"shape": value.shape, "triplets": [part.tolist() for part in parts]}
-        if np.prod(value.shape) > _MOST:
-            raise _NoNumbers(
-                f"{key} has {value.shape[0]} x {value.shape[1]} numbers, at most {_MOST:,} are read"
-            )
-        dense = value.toarray() if is_sparse else value
-        if np.iscomplexobj(dense):
-            if dense.imag.any():
-                raise _NoNumbers(f"{key} holds complex numbers; a system has real ones")
-            dense = dense.real
-        return dense.tolist()
+            raise _NoNumbers(_no_matrix(key))
+        _check_size(key, value.shape, most)
+        return _real(key, value.toarray() if is_sparse else value)
+
+    def triplets_of(value: Any) -> dict[str, Any]:
+        coordinates = value.tocoo()
+        parts = (coordinates.row, coordinates.col, coordinates.data)
+        return {"shape": value.shape, "triplets": [part.tolist() for part in parts]}
 
     def text(entry: Any) -> str:
         while isinstance(entry, np.ndarray):  # MATLAB keeps a name in a cell of a cell
             entry = entry.ravel()[0]
         return str(entry).strip()
 
-    numbers, names, sparse = json.loads(request)
     _limit_memory()
-    try:
-        variables = loadmat(path, variable_names=[*numbers, *names])
-        present = [name for name, _, _ in whosmat(path) if not name.startswith("__")]
-        found: dict[str, Any] = {key: numbers_of(key) for key in numbers if key in variables}
-        found |= {
-            key: [text(entry) for entry in variables[key].ravel()]
-            for key in names
-            if key in variables
-        }
-        found |= dict.fromkeys(name for name in present if name not in found)
-    except MemoryError:
-        sys.exit(_TOO_LARGE)
-    except _NoNumbers as error:
-        found = {_ERROR: str(error)}
-    print(json.dumps(found))
+    variables = loadmat(path, variable_names=[*numbers, *names])
+    present = [name for name, _, _ in whosmat(path) if not name.startswith("__")]
+
+    def is_kept(value: Any) -> bool:
+        is_sparse = issparse(value)
+        return bool(is_sparse and value.nnz <= most and not np.iscomplexobj(value))
+
+    kept = {key: triplets_of(v) for key, v in variables.items() if sparse and is_kept(v)}
+    found = [key for key in numbers if key in variables and key not in kept]
+    arrays = {key: numbers_of(key) for key in found}
+    texts = kept | {
+        key: [text(entry) for entry in variables[key].ravel()] for key in names if key in variables
+    }
+    return arrays, texts, present
+
+
+def _read_hdf5(
+    path: str, numbers: list[str], names: list[str], most: int
+) -> tuple[dict[str, Any], dict[str, Any], list[str]]:
+    """Return the same of version 7.3, which is HDF5 with matrices turned."""
+    import h5py
+    import numpy as np
+
+    def matrix(key: str) -> Any:
+        node = member(key)
+        if not isinstance(node, h5py.Dataset) or node.dtype.kind not in "biufV":
+            raise _NoNumbers(_no_matrix(key))
+        if node.external or node.is_virtual:
+            raise _NoNumbers(f"{key} lies in another file")
+        _check_size(key, node.shape, most)
+        if node.attrs.get("MATLAB_empty", 0):
+            return np.zeros(tuple(int(n) for n in node[()][:2]))
+        value = node[()].T
+        if value.dtype.kind == "V":
+            if value.dtype.names != ("real", "imag"):
+                raise _NoNumbers(_no_matrix(key))
+            value = value["real"] + 1j * value["imag"]
+        return _real(key, value)
+
+    def member(key: str) -> Any:
+        if not isinstance(file.get(key, getlink=True), h5py.HardLink):
+            raise _NoNumbers(f"{key} lies in another file")
+        return file[key]
+
+    def text(key: str) -> list[str]:
+        node = member(key)
+        if not isinstance(node, h5py.Dataset) or node.size > most:
+            raise _NoNumbers(f"{key} holds no text")
+        if node.dtype.kind in "iu":
+            return ["".join(map(chr, row)) for row in np.atleast_2d(node[()].T)]
+        cells = [file[one][()] for one in node[()].ravel(order="F")]
+        return ["".join(map(chr, cell.ravel(order="F"))) for cell in cells]
+
+    _limit_memory()
+    with h5py.File(path, "r") as file:
+        present = [str(name) for name in file if not name.startswith("#")]
+        arrays = {key: matrix(key) for key in numbers if key in present}
+        return arrays, {key: text(key) for key in names if key in present}, present
+
+
+def _no_matrix(key: str) -> str:
+    return f"{key} holds no matrix of numbers; save every matrix as a variable of its own"
+
+
+def _check_size(key: str, shape: tuple[int, ...], most: int) -> None:
+    size = 1
+    for one in shape:
+        size *= one
+    if size > most:
+        extent = " x ".join(map(str, shape))
+        raise _NoNumbers(f"{key} has {extent} numbers, at most {most:,} are read")
+
+
+def _real(key: str, value: Any) -> Any:
+    """Return a matrix without its imaginary part, which must be zero."""
+    if value.dtype.kind != "c":
+        return value
+    if value.imag.any():
+        raise _NoNumbers(f"{key} holds complex numbers; a system has real ones")
+    return value.real
 
 
 def _limit_memory() -> None:

@@ -107,12 +107,16 @@ def test_a_file_leaves_nothing_of_the_system_that_it_replaces(tmp_path: Path) ->
 MATLAB = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Jan  1 00:00:00 2024 HDF5 schema"
 
 
-def test_a_file_of_matlab_7_3_is_refused_with_the_command_that_saves_another(
-    tmp_path: Path,
+def test_a_file_of_matlab_7_3_needs_h5py_or_is_saved_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     path = tmp_path / "law.mat"
     path.write_bytes(MATLAB.ljust(124) + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + bytes(400))
-    with pytest.raises(BadInput, match=r"law\.mat: .* version 7\.3; .* -v7: save .* -v7$"):
+    with pytest.raises(
+        BadInput,
+        match=r"law\.mat: .* version 7\.3, which needs the package h5py: .* -v7: save .* -v7$",
+    ):
         with_file("linear", {"file": str(path)}, "here")
 
 

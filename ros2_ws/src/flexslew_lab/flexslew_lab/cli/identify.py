@@ -15,11 +15,14 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
 if TYPE_CHECKING:
+    from flexslew_lab.identification.files.columns import FileClock
     from flexslew_lab.identification.identification import Experiment
     from flexslew_lab.identification.modes import ModalModel
     from flexslew_lab.identification.next_plan import NextPlan
 
 MODEL, PAGE, APPENDAGE = "identified.yaml", "identification.html", "appendage.yaml"
+UNIVERSAL = (".uff", ".unv", ".58")
+_STAMPS = ("header", "recorded")  # of a bag's messages
 
 
 def identify(
@@ -46,6 +49,13 @@ def identify(
     past: Annotated[
         bool, typer.Option("--past", help="Efforts are stamped when they end, not when they begin.")
     ] = False,
+    time: Annotated[
+        str | None, typer.Option(help="Its column of times; default: time, t or stamp.")
+    ] = None,
+    time_unit: Annotated[
+        str | None, typer.Option(help="Unit of its times: s, ms, us or ns; default: s.")
+    ] = None,
+    stamps: Annotated[str, typer.Option(help="Times of a bag: header, or recorded.")] = "header",
     out: Annotated[Path | None, typer.Option(help="Folder of the results; else the run's.")] = None,
     system: Annotated[
         Path | None, typer.Option(help="Also a linear system: .mat, .npz or .json.")
@@ -53,6 +63,13 @@ def identify(
     appendage: Annotated[
         str | None,
         typer.Option(help="joint=axis,...: also modal data for a spacecraft."),
+    ] = None,
+    uff: Annotated[
+        Path | None, typer.Option(help="Also responses and modes as a universal file: .uff, .unv.")
+    ] = None,
+    mass: Annotated[
+        float | None,
+        typer.Option(help="Of an appendage [kg]: the modes of a universal file as modal data."),
     ] = None,
     replan: Annotated[
         bool,
@@ -78,7 +95,24 @@ def identify(
     from flexslew_lab.identification.page import identification_page, summary_rows, verdict
     from flexslew_lab.report.page import write_page
 
-    experiments = [_experiment(run, inputs, outputs, period, past, trust) for run in runs]
+    if inputs is None and outputs is None and runs[0].suffix.lower() in UNIVERSAL:
+        given: dict[str, object] = {
+            "--fit": fit,
+            "--start": start,
+            "--replan": replan,
+            "--system": system,
+        }
+        given |= {"--appendage": appendage, "--past": past, "--period": period, "--time": time}
+        _require_none(runs, given | {"--time-unit": time_unit})
+        _identify_universal(runs[0], _band(band), mass, out, uff, as_json)
+        return
+    if mass is not None:
+        raise BadInput("--mass belongs to a universal file with modes", runs[0])
+    if uff is not None:
+        check_output_file(uff, "--uff")
+    clock = _clock(time, time_unit, stamps)
+    columns = (inputs, outputs, period, past)
+    experiments = [_experiment(run, columns, clock, trust) for run in runs]
     folder = out or _output_folder(runs[0])
     for name in (MODEL, PAGE):
         check_output_file(folder / name, "--out")
@@ -103,6 +137,10 @@ def identify(
     page = write_page(identification_page(found), folder / PAGE)
     if system is not None:
         save_system(found.model, system)
+    if uff is not None:
+        from flexslew_lab.identification.universal import write_model as write_universal
+
+        write_universal(uff, found.model, found.response)
     if as_json:
         plan_values = {"next_plan": None if better is None else better._asdict()}
         print(json_text(found.plain() | plan_values))
@@ -116,6 +154,68 @@ def identify(
             )
     if without_model:
         print_message(f"no model to plan with: {without_model}", "red")
+    print_message(f"written {folder / MODEL} and {link(page)}")
+
+
+def _require_none(runs: list[Path], given: dict[str, object]) -> None:
+    """Require of frequency responses and modes one file, and no option of a record in time."""
+    if len(runs) > 1:
+        raise BadInput("one universal file at a time", runs[1])
+    for name, value in given.items():
+        if value:
+            raise BadInput(f"{name} needs a record in time; name its --inputs and --outputs, or "
+                           f"leave out {name}", runs[0])  # fmt: skip
+
+
+def _identify_universal(
+    path: Path,
+    band: tuple[float, float] | None,
+    mass: float | None,
+    out: Path | None,
+    uff: Path | None,
+    as_json: bool,
+) -> None:
+    """Fit the frequency responses of a universal file, or write its modes as modal data."""
+    from flexslew_lab.identification.frf_fit import identify_responses
+    from flexslew_lab.identification.model_file import write_model
+    from flexslew_lab.identification.response_page import (
+        response_numbers,
+        response_rows,
+        responses_page,
+        responses_verdict,
+    )
+    from flexslew_lab.identification.universal import (
+        read_modal_data,
+        read_responses,
+        write_response_model,
+    )
+    from flexslew_lab.report.page import write_page
+    from flexslew_plant.yaml_data import yaml_text
+
+    folder = out or _output_folder(path)
+    if mass is not None:
+        if band is not None or uff is not None or as_json:
+            raise BadInput(
+                "--band, --uff and --json are of frequency responses, not of modes", path
+            )
+        check_output_file(folder / APPENDAGE, "--out")
+        write_model(folder / APPENDAGE, yaml_text(read_modal_data(path, mass)))
+        print_message(f"written {folder / APPENDAGE}")
+        return
+    for name in (MODEL, PAGE):
+        check_output_file(folder / name, "--out")
+    if uff is not None:
+        check_output_file(uff, "--uff")
+    found = identify_responses(read_responses(path), band)
+    write_model(folder / MODEL, yaml_text(response_numbers(found)))
+    page = write_page(responses_page(found), folder / PAGE)
+    if uff is not None:
+        write_response_model(uff, found)
+    if as_json:
+        print(json_text(response_numbers(found)))
+    else:
+        print_table(("", path.name), response_rows(found))
+        print_message(responses_verdict(found), "bold")
     print_message(f"written {folder / MODEL} and {link(page)}")
 
 
@@ -135,31 +235,43 @@ def _next(
 
 def _experiment(
     run: Path,
-    inputs: str | None,
-    outputs: str | None,
-    period: float | None,
-    past: bool,
+    columns: tuple[str | None, str | None, float | None, bool],
+    clock: "FileClock",
     trust: list[str] | None,
 ) -> "Experiment":
+    from flexslew_lab.identification.files import READERS
     from flexslew_lab.identification.foreign import external_record
     from flexslew_lab.identification.identification import Experiment, experiment_of
 
+    inputs, outputs, period, past = columns
     if not os.path.exists(run):
         raise BadInput("no such run", run)
     if inputs is None and outputs is None:
-        if run.suffix == ".csv":
+        if run.is_file() and run.suffix.lower() in READERS:
             raise BadInput("name its columns: --inputs and --outputs", run)
         return experiment_of(run, Trust.of(trust or ()))
     if not inputs or not outputs:
         raise BadInput(f"{run}: --inputs and --outputs belong together")
-    imported = external_record(bag_folder(run), _names(inputs), _names(outputs), period, past)
+    imported = external_record(
+        bag_folder(run), _names(inputs), _names(outputs), period, past, clock
+    )
     for words in imported.words:
         print_message(f"{run}: {words}")
     return Experiment(imported.record, None, None)
 
 
+def _clock(time: str | None, unit: str | None, stamps: str) -> "FileClock":
+    from flexslew_lab.identification.files.columns import UNITS, FileClock
+
+    if unit is not None and unit not in UNITS:
+        raise BadInput(f"one of {', '.join(UNITS)}", key="--time-unit", value=unit)
+    if stamps not in _STAMPS:
+        raise BadInput(f"one of {', '.join(_STAMPS)}", key="--stamps", value=stamps)
+    return FileClock(time, unit, None, stamps == _STAMPS[1])
+
+
 def _names(text: str) -> tuple[str, ...]:
-    from flexslew_lab.identification.csv_columns import column_names
+    from flexslew_lab.identification.files.csv_file import column_names
 
     return column_names(text)
 

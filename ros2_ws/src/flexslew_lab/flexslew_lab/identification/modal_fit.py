@@ -27,11 +27,12 @@ class ModalFit:
     Args:
         modes: oscillators in rising order of frequency, (modes,).
         covariance: of (w_1, zeta_1, w_2, ...), (2 modes, 2 modes).
-        residues: R_i, displacement of each output per unit of each modal force, shape
-            (modes, displacements, inputs); displacements are joint positions, then deflections.
+        residues: R_i, displacement of each group of outputs per unit of each modal force, shape
+            (modes, groups, inputs); joint positions come first, then deflections.
         lags: S_i, displacement per unit of the rate of each modal force, same shape [s].
         inverse_inertia: R0 of the joints, (joints, inputs) [1/(kg m^2) or 1/kg].
         inverse_inertia_covariance: of its entries row by row.
+        rigid: weights of the rigid columns of every group, none of a deflection.
         noise: standard deviation of every output, (outputs,).
         residual: measured minus fitted, (ticks + 1, outputs).
         parameters: how many numbers were fitted.
@@ -43,6 +44,7 @@ class ModalFit:
     lags: np.ndarray
     inverse_inertia: Matrix
     inverse_inertia_covariance: Matrix
+    rigid: tuple[Vector, ...]
     noise: Vector
     residual: Matrix
     parameters: int
@@ -124,8 +126,8 @@ def noise_of(solution: Solution) -> Vector:
     whole = solution.problem.signals.rows  # of a signal below a frequency, not one for each tick
     found = np.empty(len(record.outputs))
     for column in range(len(record.outputs)):
-        part = next(p for p in solution.parts if column in (p.group.position, p.group.rate))
-        fitted = part.weights.size / (2 if min(part.group.position, part.group.rate) >= 0 else 1)
+        part = next(p for p in solution.parts if column in dict(p.group.columns))
+        fitted = part.weights.size / len(part.group.columns)
         if record.pieces is not None:  # those that this output's group takes for unknown efforts
             group_terms = slice(2 * len(solution.modes), None)
             fitted += np.sum(
@@ -146,19 +148,20 @@ def modal_fit(solution: Solution) -> ModalFit:
     order = np.argsort([mode.frequency for mode in modes])
     covariance = solution.covariance
     indices = np.array([[2 * k, 2 * k + 1] for k in order], dtype=int).ravel()
-    displacements = [p for p in solution.parts if p.group.position >= 0]
-    residues = np.zeros((len(modes), len(displacements), inputs))
+    residues = np.zeros((len(modes), len(solution.parts), inputs))
     lags = np.zeros(residues.shape)
-    inverse, spread = [], []
-    for row, part in enumerate(displacements):
+    inverse, spread, rigid = [], [], []
+    for row, part in enumerate(solution.parts):
         for place, k in enumerate(order):
             group_terms, w = part.of_modes[k], modes[k].frequency
             residues[place, row] = group_terms[:inputs] * w**2
             if group_terms.size > inputs + 2:
                 lags[place, row] = group_terms[inputs + 2 :]
-        if part.group.rigid:
-            first = bias_columns(part.group)
-            inverse.append(part.weights[first : first + inputs])
+        first = bias_columns(part.group)
+        width = part.group.rigid * inputs * (2 if part.group.acceleration >= 0 else 1)
+        rigid.append(part.weights[first : first + width])
+        if part.group.rigid and part.group.position >= 0:
+            inverse.append(rigid[-1])
             spread.append(
                 _linear_covariance(part, covariance)[first : first + inputs, first : first + inputs]
             )
@@ -174,6 +177,7 @@ def modal_fit(solution: Solution) -> ModalFit:
         lags,
         np.array(inverse).reshape(joints, inputs),
         blocks,
+        tuple(rigid),
         problem.record.deviation(residual),
         residual,
         sum(p.weights.size for p in solution.parts) + 2 * len(modes),
@@ -195,14 +199,11 @@ def prediction_error(record: Record, fit: ModalFit) -> Matrix:
     signals, inputs = RegressorSignals(record, None), record.effort.shape[1]
     terms = signals.columns(fit.modes)
     left = np.empty_like(record.measured)
-    joint, row = 0, 0
-    for group in groups_of(record):
-        for column, which in ((group.position, 0), (group.rate, 1)):
-            if column < 0:
-                continue
+    for row, group in enumerate(groups_of(record)):
+        for column, which in group.columns:
             remainder = record.measured[:, column].copy()
             if group.rigid:
-                remainder -= signals.rigid[which] @ fit.inverse_inertia[joint]
+                remainder -= signals.rigid[which] @ fit.rigid[row]
             group_terms = [signals.line if which == 0 and group.rigid else signals.constant]
             for k, (mode, columns) in enumerate(zip(fit.modes, terms[which].modes, strict=True)):
                 remainder -= columns[:, :inputs] @ (fit.residues[k, row] / mode.frequency**2)
@@ -211,8 +212,6 @@ def prediction_error(record: Record, fit: ModalFit) -> Matrix:
             free = np.hstack(group_terms)
             free /= np.sqrt(np.einsum("ij,ij->j", free, free))
             left[:, column] = _left(record, column, free, remainder)
-        row += group.position >= 0
-        joint += group.rigid and group.position >= 0
     return left
 
 
@@ -237,12 +236,13 @@ def modal_response(fit: ModalFit, groups: tuple[ParameterGroup, ...], w: Vector)
         w: frequencies [rad/s].
     """
     square = (w**2)[:, None, None]
-    rigid = np.zeros(fit.residues.shape[1:])
-    places = [k for k, g in enumerate(g for g in groups if g.position >= 0) if g.rigid]
-    rigid[places] = fit.inverse_inertia
+    displacements = [g for g in groups if g.position >= 0]
+    count = len(displacements)
+    rigid = np.zeros((count, fit.residues.shape[2]))
+    rigid[[k for k, g in enumerate(displacements) if g.rigid]] = fit.inverse_inertia
     found: np.ndarray = -rigid / square + 0j
     s = 1j * w[:, None, None]
     for mode, residues, lags in zip(fit.modes, fit.residues, fit.lags, strict=True):
         drag = 2.0 * mode.damping_ratio * mode.frequency * s
-        found = found + (residues + s * lags) / (mode.frequency**2 - square + drag)
+        found = found + (residues + s * lags)[:, :count] / (mode.frequency**2 - square + drag)
     return found

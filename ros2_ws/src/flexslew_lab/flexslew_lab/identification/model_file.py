@@ -52,7 +52,8 @@ def testbed_of(found: ModalModel) -> IdentifiedTestbed:
                 f"{record.source}: the mode at {mode.frequency:.4g} rad/s answers its own drives "
                 "with the wrong sign: the sensors are not at the drives, or it is no mode"
             )
-        deflection = residues[len(record.joints) :] @ phi / (phi @ phi)
+        first = len(record.joints)
+        deflection = residues[first : first + len(tips)] @ phi / (phi @ phi)
         modes.append(
             FreeMode(
                 frequency=mode.frequency,

@@ -8,9 +8,11 @@ from scipy.signal import welch
 from scipy.stats import chi2, norm
 
 from flexslew_lab.identification.clocks import resample_evenly
+from flexslew_lab.identification.coloured import coloured_fit
 from flexslew_lab.identification.modal_fit import ModalFit, modal_fit, noise_of, refined
 from flexslew_lab.identification.oscillators import Oscillator
-from flexslew_lab.identification.record import Record
+from flexslew_lab.identification.parameter_groups import ParameterGroup, groups_of
+from flexslew_lab.identification.record import Quantity, Record
 from flexslew_lab.identification.regressors import RegressorSignals
 from flexslew_lab.identification.selection import prune, selected
 from flexslew_lab.identification.separable import Solution
@@ -49,7 +51,7 @@ class FittedMode:
         damping_ratio: [-].
         periods: how many of it the record holds.
         participation: how strongly each input drives it, largest 1, (inputs,).
-        shape: displacement of each output per unit of it, largest 1, (displacements,).
+        shape: displacement of each group of outputs per unit of it, largest 1, (groups,).
     """
 
     frequency: Interval
@@ -91,7 +93,9 @@ class ModalModel:
             a joint that is shaken is not measured.
         fit: all numbers, with covariances.
         starts: what subspace identification found.
-        whiteness: of the residual of every output.
+        whiteness: of the residual of every output, less its prediction by the noise model.
+        noise_order: of the autoregressive model of the residual; 0: it is white, or the record is
+            not complete on even ticks.
     """
 
     record: Record
@@ -101,6 +105,12 @@ class ModalModel:
     fit: ModalFit
     starts: tuple[Poles, ...]
     whiteness: tuple[Whiteness, ...]
+    noise_order: int = 0
+
+    @property
+    def groups(self) -> tuple[ParameterGroup, ...]:
+        """Groups of outputs, in the order of the residues and of the shapes."""
+        return groups_of(self.record)
 
     @property
     def outside(self) -> int:
@@ -157,6 +167,11 @@ def identify_modes(
             end, the efforts do not shake the band, or ctrlsys is missing.
     """
     report = progress or (lambda words: None)
+    if record.pieces is not None and record.columns(Quantity.ACCELERATION):
+        raise BadInput(
+            f"{record.source}: an effort is unknown in gaps, and accelerations follow it at once: "
+            "give a part of the record without gaps, or outputs that are no accelerations"
+        )
     even = resample_evenly(record)
     band = band or power_band(even)
     _require(even, band)
@@ -180,6 +195,13 @@ def identify_modes(
         solution = _refined_whole(solution.problem.signals, modes, noise)
     fit = modal_fit(solution)
     record = solution.problem.record
+    whiteness, order = whiteness_of(record, fit.residual), 0
+    even_ticks = record.steps is None and record.is_complete
+    if even_ticks and not all(one.white for one in whiteness):
+        report("what is left is no white noise: fitted with a model of it")
+        coloured = coloured_fit(solution, slow, edges)
+        fit, order = modal_fit(coloured.solution), coloured.order
+        whiteness = whiteness_of(record, coloured.innovations)
     return ModalModel(
         record,
         band,
@@ -187,7 +209,8 @@ def identify_modes(
         _inertia(fit, record),
         fit,
         tuple(starts),
-        whiteness_of(record, fit.residual),
+        whiteness,
+        order,
     )
 
 

@@ -96,7 +96,8 @@ def verdict(found: Identification) -> str:
         f"{model.record.duration:.4g} s"
     ]
     if all(w.white for w in model.whiteness):
-        words.append("what is left is white noise")
+        coloured = f"coloured noise, which intervals count with (order {model.noise_order})"
+        words.append(f"what is left is {coloured if model.noise_order else 'white noise'}")
     words += model.doubts
     words += [
         f"{100.0 * float(v.explained.min()):.2f} % or more of {v.source} explained"

@@ -21,6 +21,7 @@ class Quantity(Enum):
     JOINT_RATE = "joint_rate"
     DEFLECTION = "deflection"  # tips and other sensors that the rigid motion does not move
     DEFLECTION_RATE = "deflection_rate"
+    ACCELERATION = "acceleration"  # of any point, with its rigid motion
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Output:
         name: for people and files, `position.JOINT` or `tip.APPENDAGE`.
         unit: unit of its values.
         quantity: what it measures.
-        joint: joint of a position or a rate; empty for a deflection.
+        joint: joint of a position or a rate; empty for all else.
     """
 
     name: str

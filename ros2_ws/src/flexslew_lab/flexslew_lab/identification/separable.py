@@ -9,11 +9,14 @@ given (Golub and Pereyra 1973):
 with the efforts u that were really applied, held over every tick, as input. They are known
 exactly, so nothing is biased by the feedback that made them: the errors of the fit are the
 sensors' noise alone (the direct method with the true noise model, Pintelon and Schoukens, chapter
-9). A rate sensor sees the derivative with the same residues; a deflection has no rigid part.
+9). A rate sensor sees the derivative with the same residues; a deflection has no rigid part. An
+accelerometer sees q'' = u - 2 zeta w q' - w^2 q of every mode and the rigid acceleration: the
+efforts reach it at once, by a matrix of their own (feedthrough), just before and just after a tick.
 
 On all ticks every mode has S_ioa q_ia' in addition to R_ioa q_ia: a damping that couples the modes
 turns their shapes complex, and without S their frequencies would be biased by its square (Ewins
-2000, 2.7). No effort moves a bench at once, so the sum of S over the modes is 0.
+2000, 2.7). No effort moves a bench at once, so the sum of S over the modes is 0. With it and with
+feedthrough an acceleration has any response that is sampled, also of efforts that were not held.
 """
 
 from dataclasses import dataclass
@@ -60,9 +63,10 @@ class ModalLeastSquares:
         parts = []
         for group in self.groups:
             samples = tuple(self._samples(column).tobytes() for column, _, _ in self.rows(group))
-            kind = (
-                group.rigid, group.position >= 0, group.rate >= 0, self._ratio(group), samples,
-            )  # fmt: skip
+            orders = tuple(order for _, order in group.columns)
+            filters = self.signals.filters
+            noise = () if filters is None else tuple(filters[k].tobytes() for k, _ in group.columns)
+            kind = group.rigid, orders, self._ratio(group), samples, noise
             if kind not in bases:
                 bases[kind] = self._basis(group, terms)
             parts.append(self._part(group, bases[kind], terms))
@@ -74,6 +78,10 @@ class ModalLeastSquares:
         """Return 1 where an output has a sample and 0 where it has none, (ticks + 1, 1) or (1,)."""
         known = self.record.known
         return np.ones(1) if known is None else known[:, column, None].astype(np.float64)
+
+    def _weighed(self, column: int, weight: float, values: Matrix) -> Matrix:
+        """Return rows of an output with its weight, 0 without a sample, and its noise white."""
+        return self.signals.whitened(column, weight * self._samples(column) * values)
 
     def _with_pieces(self, modes: tuple[Oscillator, ...], parts: list[Part]) -> list[Part]:
         """Return the parts with the slopes by unknown efforts behind those by the modes."""
@@ -105,14 +113,14 @@ class ModalLeastSquares:
 
     def rows(self, group: ParameterGroup) -> list[tuple[int, int, float]]:
         """Return column of the record, derivative and weight of each quantity of a group."""
-        rows = [(group.position, 0, 1.0)] if group.position >= 0 else []
-        return rows + ([(group.rate, 1, self._ratio(group))] if group.rate >= 0 else [])
+        ratio = self._ratio(group)
+        return [(column, order, ratio if order == 1 else 1.0) for column, order in group.columns]
 
-    def _basis(self, group: ParameterGroup, terms: tuple[Terms, Terms]) -> SharedColumns:
+    def _basis(self, group: ParameterGroup, terms: tuple[Terms, ...]) -> SharedColumns:
         rows = self.rows(group)
         phi = np.vstack(
             [
-                w * self._samples(column) * self._matrix(group, terms[which], which)
+                self._weighed(column, w, self._matrix(group, terms[which], which))
                 for column, which, w in rows
             ]
         )
@@ -124,28 +132,23 @@ class ModalLeastSquares:
             empty = np.zeros((len(phi), 0))
             return SharedColumns(phi, scale, projection, empty, np.zeros((phi.shape[1], 0)))
         raw = np.vstack(
-            [
-                w * self._samples(column) * np.hstack(terms[which].slopes)
-                for column, which, w in rows
-            ]
+            [self._weighed(column, w, np.hstack(terms[which].slopes)) for column, which, w in rows]
         )
         along = projection.coordinates(raw)
         return SharedColumns(phi, scale, projection, raw - phi @ along, along)
 
-    def _part(
-        self, group: ParameterGroup, basis: SharedColumns, terms: tuple[Terms, Terms]
-    ) -> Part:
+    def _part(self, group: ParameterGroup, basis: SharedColumns, terms: tuple[Terms, ...]) -> Part:
         rows = self.rows(group)
         sigma = float(self.noise[rows[0][0]])
         y = np.concatenate(
             [
-                w * self._samples(column).ravel() * terms[which].measured[:, column]
+                self._weighed(column, w, terms[which].measured[:, column, None]).ravel()
                 for column, which, w in rows
             ]
         )
         weights, residual = basis.projection.solve(y)
         c = weights / basis.scale
-        of_modes = self._of_modes(c, terms[0].modes)
+        of_modes = self._of_modes(c, terms[0].modes, group.acceleration >= 0)
         width, count = of_modes.shape[1], len(terms[0].slopes)  # two for each mode
         group_terms = np.zeros((basis.turned.shape[1], count))
         for k in range(count):
@@ -163,15 +166,17 @@ class ModalLeastSquares:
             group_terms,
         )
 
-    def _of_modes(self, c: Vector, modes: tuple[Matrix, ...]) -> Matrix:
-        """Return the weights of each mode's own columns, (modes, columns)."""
+    def _of_modes(self, c: Vector, modes: tuple[Matrix, ...], free: bool) -> Matrix:
+        """Return the weights of each mode's own columns, (modes, columns); see _matrix."""
         first = self.record.effort.shape[1] + 2
         count, width = len(modes), modes[0].shape[1] if modes else first
-        lags = c[len(c) - max(count - 1, 0) * (width - first) :]
+        lags = c[len(c) - max(count - (not free), 0) * (width - first) :]
         plain = c[len(c) - lags.size - count * first : len(c) - lags.size]
         found = np.zeros((count, width))
         found[:, :first] = plain.reshape(count, first)
-        if lags.size:
+        if free:
+            found[:, first:] = lags.reshape(count, width - first)
+        elif lags.size:
             found[:-1, first:] = lags.reshape(count - 1, width - first)
             found[-1, first:] = -found[:-1, first:].sum(axis=0)
         return found
@@ -194,7 +199,7 @@ class ModalLeastSquares:
         return fitted
 
     def _matrix(self, group: ParameterGroup, group_terms: Terms, which: int) -> Matrix:
-        """Return the columns of a position (which 0) or a rate (1): bias, rigid, then modes."""
+        """Return the columns of an order of derivative, 0 to 2: bias, rigid, then modes."""
         one = group_terms.constant
         if which == 0:
             bias = group_terms.line if group.rigid else one
@@ -205,9 +210,9 @@ class ModalLeastSquares:
             bias = one
         rigid = [group_terms.rigid] if group.rigid else []
         first = self.record.effort.shape[1] + 2
-        lags = [
-            mode[:, first:] - group_terms.modes[-1][:, first:] for mode in group_terms.modes[:-1]
-        ]
+        lags = [mode[:, first:] for mode in group_terms.modes]
+        if which < 2:  # no effort moves a position at once
+            lags = [one - lags[-1] for one in lags[:-1]]
         return np.hstack([bias, *rigid, *(mode[:, :first] for mode in group_terms.modes), *lags])
 
 
@@ -257,7 +262,7 @@ class Solution:
         """Return measured minus fitted of an output, as its signals are cut, in its unit."""
         for part in self.parts:
             rows = len(part.residual) // len(self.problem.rows(part.group))
-            if part.group.position == column:
+            if column in (part.group.position, part.group.acceleration):
                 return np.asarray(part.residual[:rows] * self.problem.noise[column])
             if part.group.rate == column:
                 # weighed to the first quantity's noise, so in its own standard deviations

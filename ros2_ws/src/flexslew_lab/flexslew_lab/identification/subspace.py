@@ -41,6 +41,7 @@ class ResampledRecord(NamedTuple):
     measured: Matrix  # (samples, outputs)
     bounded: Matrix  # outputs with a bounded impulse response: rates, not positions
     period: float  # [s]
+    feedthrough: bool  # whether an effort reaches an output at once
 
 
 Method: TypeAlias = Callable[[ResampledRecord, tuple[int, ...]], Poles]
@@ -74,7 +75,11 @@ def resample(record: Record, highest: float) -> ResampledRecord:
         k for k, o in enumerate(record.outputs) if k not in drift or o.joint not in measured_rates
     ]
     return ResampledRecord(
-        np.asfortranarray(effort), np.asfortranarray(measured), rates[:, kept], period
+        np.asfortranarray(effort),
+        np.asfortranarray(measured),
+        rates[:, kept],
+        period,
+        bool(record.columns(Quantity.ACCELERATION)),
     )
 
 
@@ -144,19 +149,46 @@ def markov_parameters(record: ResampledRecord) -> np.ndarray:
     """Return D, CB, CAB, ... by an observer's ARX model, shape (outputs, inputs, parameters)."""
     u, y = record.effort, record.bounded
     inputs, outputs, lags = u.shape[1], y.shape[1], _OBSERVER
-    past = []
+    past = [u[lags:]] if record.feedthrough else []
     for k in range(1, lags + 1):
         past += [u[lags - k : -k], y[lags - k : -k]]
     found = np.linalg.lstsq(np.hstack(past), y[lags:], rcond=None)[0].T
     width = inputs + outputs
+    direct: Matrix = np.zeros((outputs, inputs))
+    if record.feedthrough:
+        direct = np.asarray(found[:, :inputs], dtype=np.float64)
+        found = found[:, inputs:]
     observer = [found[:, k * width : (k + 1) * width] for k in range(lags)]
-    system = [np.zeros((outputs, inputs))]
+    system = [direct]
     for k in range(1, _MARKOV):
         parameter = observer[k - 1][:, :inputs] if k <= lags else np.zeros((outputs, inputs))
         for i in range(1, min(k, lags) + 1):
             parameter = parameter + observer[i - 1][:, inputs:] @ system[k - i]
         system.append(np.asarray(parameter))
     return np.stack(system, axis=2)
+
+
+def arx(record: ResampledRecord, orders: tuple[int, ...]) -> Poles:
+    """Return the poles of y(k) = sum A_i y(k - i) + B_i u(k - i) + e(k) by least squares.
+
+    They are consistent where the noise has the poles of the bench, as motion that no effort
+    explains has (Ljung 1999, 4.2); at high orders also with other colours.
+    """
+    u, y = record.effort, record.bounded
+    outputs = y.shape[1]
+    found = {}
+    for order in orders:
+        past = [u[order:], *(x[order - k : -k] for k in range(1, order + 1) for x in (u, y))]
+        weights = np.linalg.lstsq(np.hstack(past), y[order:], rcond=None)[0].T
+        each = u.shape[1] + outputs
+        companion = np.eye(order * outputs, k=-outputs)
+        for k in range(order):
+            first = (k + 1) * each
+            companion[:outputs, k * outputs : (k + 1) * outputs] = weights[
+                :, first : first + outputs
+            ]
+        found[order] = modes_of(companion, record.period)
+    return Poles("ARX", np.zeros(0), found)
 
 
 METHODS: dict[str, Method] = {"MOESP": moesp, "OKID/ERA": okid_era}

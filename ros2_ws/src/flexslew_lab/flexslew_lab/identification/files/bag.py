@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from flexslew_lab.identification.columns import Columns
+from flexslew_lab.identification.files.columns import Columns, FileClock
 from flexslew_lab.log.messages.schemas import default_store
 from flexslew_plant.errors import BadInput
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 # fields that hold the effort of the tick before their stamp
 _PAST_EFFORTS = {("flexslew_msgs/msg/Measurement", "applied_effort")}
 _INDEX = re.compile(r"^(?P<field>.*?)\[(?P<index>\d+)\]$")
+_HEADERS = FileClock()
 _IDL = "=" * 80 + "\nIDL: "  # before each type of a definition in IDL
 
 
@@ -26,17 +27,21 @@ class _Place(NamedTuple):
     entry: int | None
 
 
-def read_bag(path: Path, names: list[str]) -> Columns:
+def read_bag(path: Path, names: list[str], clock: FileClock = _HEADERS) -> Columns:
     """Return series of a rosbag2 by `/topic.field[index]`, at the messages' stamps.
 
-    The time is the header's stamp. Where there is none, or all of a series are zero, it is the time
-    of recording. Only the types of these topics are looked at. Bags of Foxy to Humble hold no
-    definitions; their types are those of ROS 2 Humble and of this project.
+    The time is the header's stamp. Where there is none, the stamps of a series stand still, or
+    `clock.recorded` is set, it is the time of recording. Only the types of these topics are looked
+    at. Bags of Foxy to Humble hold no definitions; their types are those of ROS 2 Humble and of
+    this project.
 
     Raises:
         BadInput: if it cannot be read, or there is no such topic, field or entry.
     """
     from rosbags.rosbag2 import Reader
+
+    if clock.column is not None or clock.unit is not None:
+        raise BadInput("stamps of a bag are in seconds; leave out --time and --time-unit", path)
 
     places = [_place(path, name) for name in names]
     rows: dict[str, list[tuple[float, float, float]]] = {name: [] for name in names}
@@ -64,13 +69,18 @@ def read_bag(path: Path, names: list[str]) -> Columns:
         raise
     except Exception as error:  # corrupt bytes meet a parser that lets all its errors through
         raise BadInput(f"cannot be read: {error or type(error).__name__}", path) from None
-    series = {}
+    series, still = {}, []
     for name, found in rows.items():
         if len(found) < 2:
             raise BadInput(f"{name}: {len(found)} messages are no series", path)
         stamp, recorded, values = np.array(found).T
-        series[name] = (stamp if np.nan_to_num(stamp).any() else recorded, values)
-    return Columns(series, str(path), frozenset(past))
+        has_header = bool(np.isfinite(stamp).all())
+        if has_header and not clock.recorded and not np.ptp(stamp):
+            still.append(name)
+        at_headers = has_header and not clock.recorded and name not in still
+        series[name] = (stamp if at_headers else recorded, values)
+    notes = (f"{', '.join(still)}: the stamps stand still; the times of recording count",)
+    return Columns(series, str(path), frozenset(past), notes if still else ())
 
 
 def _store(connection: "Connection", path: Path) -> "Typestore":
