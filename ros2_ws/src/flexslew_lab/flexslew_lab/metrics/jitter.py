@@ -135,4 +135,4 @@ def by_octave(power: Matrix, step: float) -> tuple[Vector, Matrix]:
     return ends, np.sqrt(sums)
 
 
-JITTER = MetricEntry(Jitter)
+JITTER = MetricEntry(Jitter, of=PointingTestbed)

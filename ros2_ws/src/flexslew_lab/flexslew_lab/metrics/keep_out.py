@@ -52,4 +52,4 @@ def cone_violations(metrics: Mapping[str, Any]) -> str:
     return f"looked into keep_out {each}" if each else ""
 
 
-KEEP_OUT = MetricEntry(KeepOutMetric)
+KEEP_OUT = MetricEntry(KeepOutMetric, of=HasSky)

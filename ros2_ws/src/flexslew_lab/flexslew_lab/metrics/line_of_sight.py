@@ -68,4 +68,4 @@ class LineOfSightMetric:
         }
 
 
-LINE_OF_SIGHT = MetricEntry(LineOfSightMetric)
+LINE_OF_SIGHT = MetricEntry(LineOfSightMetric, of=HasLinesOfSight)

@@ -100,10 +100,15 @@ class MetricEntry:
     Args:
         metric: the class; its keys name what it measures.
         group: heading under which people read it.
+        of: protocol of the testbeds that have it; None: all have.
+        needs_truth: batches record the truth for it, as they do for metrics of a user's own; False:
+            their loop accumulates what it needs, or it reads events alone.
     """
 
     metric: type[Metric]
     group: str = "motion"
+    of: type | None = None
+    needs_truth: bool = True
 
     @property
     def name(self) -> str:
@@ -128,7 +133,18 @@ def plain(values: Mapping[str, Vector]) -> dict[str, list[float]]:
     return {name: value.tolist() for name, value in values.items()}
 
 
+def ready(setup: RunSetup, keys: Mapping[str, Key], values: Mapping[str, Vector]) -> dict[str, Any]:
+    """Return the values of one run by key, those of joints by name; None where not finite."""
+    return {
+        key: by_joint(setup, value) if keys[key].per_joint else _finite(float(value))
+        for key, value in values.items()
+    }
+
+
 def by_joint(setup: RunSetup, values: Vector) -> dict[str, float | None]:
     """Return one value per joint by its name; None where it is not finite."""
-    finite = (float(x) if abs(x) < float("inf") else None for x in values.tolist())
-    return dict(zip(setup.joint_names, finite, strict=True))
+    return dict(zip(setup.joint_names, map(_finite, values.tolist()), strict=True))
+
+
+def _finite(value: float) -> float | None:
+    return value if abs(value) < float("inf") else None

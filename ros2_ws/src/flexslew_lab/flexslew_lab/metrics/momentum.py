@@ -102,4 +102,4 @@ class Momentum:
         }
 
 
-MOMENTUM = MetricEntry(Momentum, "effort")
+MOMENTUM = MetricEntry(Momentum, "effort", PointingTestbed)

@@ -108,4 +108,4 @@ class PerformanceErrors:
         }
 
 
-PERFORMANCE_ERRORS = MetricEntry(PerformanceErrors)
+PERFORMANCE_ERRORS = MetricEntry(PerformanceErrors, of=PointingTestbed)

@@ -77,4 +77,4 @@ class PlatformError:
         }
 
 
-PLATFORM_ERROR = MetricEntry(PlatformError)
+PLATFORM_ERROR = MetricEntry(PlatformError, of=PointingTestbed)

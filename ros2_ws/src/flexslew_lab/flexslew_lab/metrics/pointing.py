@@ -116,4 +116,4 @@ class PointingMetric:
         }
 
 
-POINTING = MetricEntry(PointingMetric)
+POINTING = MetricEntry(PointingMetric, of=PointingTestbed)

@@ -82,4 +82,4 @@ class Vibration:
         return {"vibration_settling_time": settling_times}
 
 
-VIBRATION = MetricEntry(Vibration)
+VIBRATION = MetricEntry(Vibration, of=PointingTestbed)
