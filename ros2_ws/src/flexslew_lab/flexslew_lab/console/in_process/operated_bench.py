@@ -65,8 +65,8 @@ class OperatedBench:
         self._switches: list[tuple[SwitchRequest, float, Then]] = []  # with a deadline [wall s]
         running = trial.rate_factor, trial.answer_timeout, False
         self.session = Session(self._bench, (*controllers,), *running, list, list)
-        self._requests = Requests(self.session, lambda: self._hosts)
-        self._requests.actions[topics.START] = self._start
+        self._by_name = Requests(self.session, lambda: self._hosts)
+        self._by_name.actions[topics.START] = self._start
         plant = plant_of(trial)
         self._hosts: dict[str, ControllerHost] = {}
         for name, controller in controllers.items():
@@ -140,7 +140,7 @@ class OperatedBench:
             values: fields of its request; a simulated time `at` in seconds.
             then: takes the answer.
         """
-        acts = self._requests.services | {topics.DECIDE_PLAN: self.plans.decide}
+        acts = self._by_name.services | {topics.DECIDE_PLAN: self.plans.decide}
         if service == topics.SWITCH_CONTROLLER:
             self._switch(then=then, **values)
             return
@@ -159,7 +159,7 @@ class OperatedBench:
     def _start(self, who: str) -> Reply:
         reply = self.session.start(who)
         self._poll()
-        return self._requests.with_missing(reply)
+        return self._by_name.with_missing(reply)
 
     def _switch(
         self, then: Then, controller: str, at: float, strict: bool, max_effort_step: float,
