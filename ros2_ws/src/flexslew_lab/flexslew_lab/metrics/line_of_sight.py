@@ -33,16 +33,14 @@ class LineOfSightMetric:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        testbed = setup.testbed
-        self._testbed = testbed if isinstance(testbed, HasLinesOfSight) else None
+        assert isinstance(setup.testbed, HasLinesOfSight)
+        self._testbed = setup.testbed
         self._goal = goal_by_joint(setup)
         self._error: dict[str, float | None] = {}
         self._good_from: dict[str, float | None] = {}
 
     def add(self, block: Block) -> None:
         """Take the next ticks."""
-        if self._testbed is None:
-            return
         for name, sight in self._testbed.lines_of_sight(
             block.time, block.position, self._goal
         ).items():

@@ -115,6 +115,10 @@ class MetricEntry:
         """What errors call it."""
         return self.metric.__name__
 
+    def is_for(self, testbed: Testbed | None) -> bool:
+        """Return whether runs of a testbed have it; None: of a version that is not known here."""
+        return self.of is None or isinstance(testbed, self.of)
+
 
 def goal_by_joint(setup: RunSetup) -> dict[str, float]:
     """Return where the manoeuvre ends, by joint; empty without a plan."""

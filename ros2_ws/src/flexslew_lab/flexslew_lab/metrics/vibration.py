@@ -14,7 +14,7 @@ BAND = 0.05  # of the largest distance of its tip until then [-]
 
 
 class Vibration:
-    """Implements Metric; returns no value for a testbed without a platform that points."""
+    """Implements Metric, of a platform that points."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "vibration_settling_time": Key(
@@ -29,10 +29,9 @@ class Vibration:
     }
 
     def __init__(self, setup: RunSetup) -> None:
+        assert isinstance(setup.testbed, PointingTestbed)
+        self._testbed: PointingTestbed = setup.testbed
         known: Any = setup.testbed
-        self._testbed: PointingTestbed | None = (
-            known if isinstance(known, PointingTestbed) else None
-        )
         self._goal = goal_by_joint(setup)
         self._end: dict[str, float] = {}  # of the last turn [s]
         if isinstance(known, Retargetable):
@@ -48,8 +47,6 @@ class Vibration:
 
     def add(self, block: Block) -> None:
         """Take the next ticks."""
-        if self._testbed is None:
-            return
         self._first_time = min(self._first_time, float(block.time[0]))
         self._last_time = float(block.time[-1])
         tips = block_motions(self._testbed, block, self._goal).tips

@@ -27,8 +27,7 @@ from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
 def needs_truth(trial: Trial) -> bool:
     """Return whether a metric of a trial is measured from its recorded truth."""
     return bool(trial.metrics) or any(
-        entry.needs_truth and (entry.of is None or isinstance(trial.testbed, entry.of))
-        for entry in METRICS.values()
+        entry.needs_truth and entry.is_for(trial.testbed) for entry in METRICS.values()
     )
 
 
