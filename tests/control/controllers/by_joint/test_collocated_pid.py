@@ -34,7 +34,8 @@ def test_the_default_gains_are_stable_at_every_pitch_up_to_one_radian() -> None:
     gains = [getattr(CollocatedPid(), name)[0] for name in ("kp", "kd", "ki")]
     for pitch in np.linspace(0.0, 1.0, 6):
         linear = model.linearise(np.array([0.0, pitch, 0.0]))
-        loop = integral_loop(linear, *(gain * linear.input_matrix.T for gain in gains), None)
+        kp, kd, ki = (gain * linear.input_matrix.T for gain in gains)
+        loop = integral_loop(linear, kp, kd, ki, None)
         assert np.linalg.eigvals(loop).real.max() < 0.0
 
 

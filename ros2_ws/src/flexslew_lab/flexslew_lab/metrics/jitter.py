@@ -43,8 +43,8 @@ class Jitter:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        assert isinstance(setup.testbed, PointingTestbed)
-        self._testbed = setup.testbed
+        known: Any = setup.testbed
+        self._testbed: PointingTestbed = known
         self._goal = goal_by_joint(setup)
         self._from = max(setup.manoeuvre.end, self._testbed.pointing_from) - 1e-9  # [s]
         self._period = 0.0  # of a tick [s]

@@ -21,8 +21,8 @@ class KeepOutMetric:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        assert isinstance(setup.testbed, HasSky)
-        self._testbed = setup.testbed
+        known: Any = setup.testbed
+        self._testbed: HasSky = known
         sky = self._testbed.sky()
         self._cones = () if sky is None else sky.cones
         self._margin: dict[str, float] = {}

@@ -33,8 +33,8 @@ class LineOfSightMetric:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        assert isinstance(setup.testbed, HasLinesOfSight)
-        self._testbed = setup.testbed
+        known: Any = setup.testbed
+        self._testbed: HasLinesOfSight = known
         self._goal = goal_by_joint(setup)
         self._error: dict[str, float | None] = {}
         self._good_from: dict[str, float | None] = {}

@@ -49,8 +49,8 @@ class Momentum:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        assert isinstance(setup.testbed, PointingTestbed)
-        self._testbed = setup.testbed
+        known: Any = setup.testbed
+        self._testbed: PointingTestbed = known
         self._speed: dict[str, float] = {}
         self._crossings: dict[str, int] = {}
         self._sign: dict[str, float] = {}  # the last that was not zero

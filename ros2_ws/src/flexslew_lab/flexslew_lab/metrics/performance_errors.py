@@ -53,8 +53,8 @@ class PerformanceErrors:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        assert isinstance(setup.testbed, PointingTestbed)
-        self._testbed = setup.testbed
+        known: Any = setup.testbed
+        self._testbed: PointingTestbed = known
         self._goal = goal_by_joint(setup)
         self._end = max(setup.manoeuvre.end, self._testbed.pointing_from)
         self._largest: dict[str, Vector] = {}

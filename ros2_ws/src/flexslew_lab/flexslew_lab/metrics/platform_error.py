@@ -43,8 +43,8 @@ class PlatformError:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        assert isinstance(setup.testbed, PointingTestbed)
-        self._testbed = setup.testbed
+        known: Any = setup.testbed
+        self._testbed: PointingTestbed = known
         self._goal = goal_by_joint(setup)
         self._left: dict[str, Vector] = {}  # after the end, by kind
         self._squares, self._time = np.zeros(2), np.zeros(1)  # integrals over the run

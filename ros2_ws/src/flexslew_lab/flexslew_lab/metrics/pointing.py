@@ -59,8 +59,8 @@ class PointingMetric:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        assert isinstance(setup.testbed, PointingTestbed)
-        self._testbed = setup.testbed
+        known: Any = setup.testbed
+        self._testbed: PointingTestbed = known
         self._names, self._goal = setup.joint_names, goal_by_joint(setup)
         self._error: dict[str, Vector] = {}
         self._tip_rotation: dict[str, Vector] = {}

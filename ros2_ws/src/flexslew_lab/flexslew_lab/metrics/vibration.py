@@ -29,9 +29,8 @@ class Vibration:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        assert isinstance(setup.testbed, PointingTestbed)
-        self._testbed: PointingTestbed = setup.testbed
         known: Any = setup.testbed
+        self._testbed: PointingTestbed = known
         self._goal = goal_by_joint(setup)
         self._end: dict[str, float] = {}  # of the last turn [s]
         if isinstance(known, Retargetable):

@@ -88,8 +88,8 @@ def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[Estimator, 
             f"integral of {name}" for name, k in zip(what.names, ki, strict=True) if k > 0.0
         ]
         names = (*state_names(model), *integrals)
-        gains = (np.diag(each) @ linear.input_matrix.T for each in (kp, kd, ki))
-        loop = integral_loop(linear, *gains, None)
+        p, d, i = (np.diag(each) @ linear.input_matrix.T for each in (kp, kd, ki))
+        loop = integral_loop(linear, p, d, i, None)
         require_stable(loop, names, "collocated_pid with these gains")
     what.require_stable(kp, kd, "collocated_pid", ki)
     deviation = JointDeviation(kp, ki, kd)

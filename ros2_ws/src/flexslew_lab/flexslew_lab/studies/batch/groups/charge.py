@@ -108,7 +108,7 @@ def charge_of(
         return Way.BRAKE
     last = None if drive.active else int(np.flatnonzero(missing)[-1]) + 1 - trial.max_missed
     until = end if last is None else last
-    counted = [
+    counted: list[Fact] = [
         SwitchCompleted(fact.from_, fact.to, 0.0) if isinstance(fact, SwitchCompleted) else fact
         for fact in facts
         if isinstance(fact, SwitchCompleted | FallbackActivated)
@@ -155,7 +155,7 @@ def _is_unready(fact: Fact) -> bool:
 
 def _first(when: NDArray[np.bool_], start: int) -> list[int]:
     """Return the first tick from `start` on at which something is so; empty: none."""
-    return (np.flatnonzero(when[start:])[:1] + start).tolist()
+    return [start + int(tick) for tick in np.flatnonzero(when[start:])[:1]]
 
 
 def _segments(
