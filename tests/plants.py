@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,24 @@ def plant(
     """Return the default testbed, or another one, on a bench."""
     efforts = np.array(limit, dtype=float)
     return PlantDescription(testbed or default_testbed(), period, efforts, ANY_CODE)
+
+
+def with_dish(**motion: float) -> dict[str, Any]:
+    """Return a craft with three torques of 3 N m, whose dish turns by a motion."""
+    return {
+        "kind": "spacecraft",
+        "platform": {"mass": 200.0, "inertia": {"xx": 40.0, "yy": 45.0, "zz": 50.0}},
+        "appendages": {
+            "dish": {
+                "hinge": {"place": [0.3, 0.2, 0.4], "axis": [1.0, 0.3, 0.0], "motion": motion},
+                "body": {"mass": 8.0, "inertia": {"xx": 2.0, "yy": 2.0, "zz": 1.5}},
+            }
+        },
+        "actuators": {
+            name: {"kind": "torque", "direction": axis, "limit": 3.0}
+            for name, axis in zip(("roll", "pitch", "yaw"), np.eye(3).tolist(), strict=True)
+        },
+    }
 
 
 def late(bench: PlantDescription, lag: float, delay: float) -> PlantDescription:

@@ -28,7 +28,7 @@ controllers: {pd_feedforward: {}}
 """
 READERS: tuple[Callable[[Path], Any], ...] = (
     log_info, check_log, read_run, metrics_of, lambda bag: export_log(bag, bag / "tables"),
-    lambda bag: Player(PlaySettings(bag=str(bag))),
+    lambda bag: recover(bag, bag.parent / "whole"), lambda bag: Player(PlaySettings(bag=str(bag))),
 )  # fmt: skip
 
 

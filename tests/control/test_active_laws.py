@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.plants import with_dish
 from tests.wire_bench import WireBench
 
 from flexslew_control.active_laws import (
@@ -40,24 +41,7 @@ CONTROLLERS: dict[str, Any] = {
 }
 
 
-DISH: dict[str, Any] = {
-    "kind": "spacecraft",
-    "platform": {"mass": 200.0, "inertia": {"xx": 40.0, "yy": 45.0, "zz": 50.0}},
-    "appendages": {
-        "dish": {
-            "hinge": {
-                "place": [0.3, 0.2, 0.4],
-                "axis": [1.0, 0.3, 0.0],
-                "motion": {"to": 0.001, "duration": 0.02},
-            },
-            "body": {"mass": 8.0, "inertia": {"xx": 2.0, "yy": 2.0, "zz": 1.5}},
-        }
-    },
-    "actuators": {
-        name: {"kind": "torque", "direction": axis, "limit": 3.0}
-        for name, axis in zip(("roll", "pitch", "yaw"), np.eye(3).tolist(), strict=True)
-    },
-}
+DISH = with_dish(to=0.001, duration=0.02)
 
 
 class Planned(WireBench):

@@ -39,18 +39,6 @@ TRIALS: dict[str, dict[str, Any]] = {
             {"at": 0.8, "switch": "pd_feedforward"},
         ],
     },
-    "own_spacecraft": {
-        "duration": 4.0,
-        "controllers": {"collocated_pid": {"kp": [12.0], "kd": [60.0], "ki": [0.1]}},
-        "schedule": [
-            {
-                "at": 1.0,
-                "until": 1.5,
-                "fault": {"kind": "actuator_gain", "joint": "roll", "gain": 0.0},
-            },
-            {"at": 2.0, "switch": "collocated_pid"},
-        ],
-    },
     "three_axes": {
         "duration": 6.0,
         "goal_tolerance": 3.0,  # it has only begun to turn
@@ -117,16 +105,3 @@ def platform_poses(bag: Path, period: float) -> dict[int, list[float]]:
             turn = [getattr(pose.rotation, axis) for axis in "xyzw"]
             found[round((at.sec + 1e-9 * at.nanosec) / period)] = place + turn
     return found
-
-
-@pytest.mark.parametrize("name", ["scole_s_rigid", "scole_s_open"])
-def test_the_other_cases_of_the_paper_fly_over_ros_as_in_process(name: str, tmp_path: Path) -> None:
-    trial = trial_of_values(example_values(name, {"duration": 1.2}), name)
-    flight = Flight(trial, tmp_path / "ros")
-    assert flight.outcome.exit_code == 0, flight.log
-    here = run_trial(
-        with_plan_of(flight, trial), name, tmp_path / "here", in_process=True, report=False
-    )
-    assert flight.metrics["trajectory_hash"] == here.metrics["trajectory_hash"]
-    assert flight.metrics["missed_ticks"] == 0
-    assert resim(flight.bag).identical

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.plants import with_dish
 
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
@@ -17,24 +18,7 @@ LIMIT = 3.0  # [N m]
 
 def bench(at: float) -> PlantDescription:
     """Return a craft whose dish turns from a time on, in 10 s."""
-    craft = {
-        "kind": "spacecraft",
-        "platform": {"mass": 200.0, "inertia": {"xx": 40.0, "yy": 45.0, "zz": 50.0}},
-        "appendages": {
-            "dish": {
-                "hinge": {
-                    "place": [0.3, 0.2, 0.4],
-                    "axis": [1.0, 0.3, 0.0],
-                    "motion": {"to": 1.0, "duration": 10.0, "at": at},
-                },
-                "body": {"mass": 8.0, "inertia": {"xx": 2.0, "yy": 2.0, "zz": 1.5}},
-            }
-        },
-        "actuators": {
-            name: {"kind": "torque", "direction": axis, "limit": LIMIT}
-            for name, axis in zip(("roll", "pitch", "yaw"), np.eye(3).tolist(), strict=True)
-        },
-    }
+    craft = with_dish(to=1.0, duration=10.0, at=at)
     return PlantDescription(read_testbed(craft, "here"), 0.02, np.full(3, LIMIT))
 
 

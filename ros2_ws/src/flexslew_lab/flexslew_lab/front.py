@@ -12,6 +12,7 @@ import numpy as np
 from flexslew_control.plan import Plan
 from flexslew_lab.flight import Flight
 from flexslew_lab.given_objects import require_in_files
+from flexslew_lab.named import names_in
 from flexslew_lab.notebook import What, place, plain_data, trial_from
 from flexslew_lab.progress import display_library_progress
 from flexslew_lab.trial.trial import Trial, bench_settings, plan_of_trial
@@ -264,7 +265,7 @@ def plot(
         BadInput: if there is no such run, channel or style, or the file cannot be written.
         ModuleNotFoundError: if Matplotlib is not installed.
     """
-    from flexslew_lab.publication.channels import labelled_runs, names_in
+    from flexslew_lab.publication.channels import labelled_runs
     from flexslew_lab.publication.figure import draw_runs
 
     target = None if to is None else place(to, "to")

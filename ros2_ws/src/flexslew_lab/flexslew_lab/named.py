@@ -1,11 +1,18 @@
 """Values by name for a notebook: a wrong name is refused with the nearest one."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NoReturn, TypeVar
 
 from flexslew_plant.near_names import spelling_hint
 
 T = TypeVar("T")
+
+
+def names_in(given: str | Sequence[str]) -> list[str]:
+    """Return names that are given as such, or in one text with commas between them."""
+    if not isinstance(given, str):
+        return list(given)
+    return [name.strip() for name in given.split(",") if name.strip()]
 
 
 class Named(dict[str, T]):

@@ -5,7 +5,8 @@ import pytest
 from tests.plants import plant as on_bench
 
 from flexslew_control.controllers import build_controller
-from flexslew_control.controllers.by_joint.collocated_pid import CollocatedPid, build, closed_loop
+from flexslew_control.controllers.by_joint.collocated_pid import CollocatedPid, build
+from flexslew_control.controllers.sampled_loop import integral_loop
 from flexslew_control.law import PlantDescription, Reference
 from flexslew_control.plan import Plan
 from flexslew_lab.reproduce import laws as reproduce_laws
@@ -30,9 +31,11 @@ def test_a_constant_disturbance_leaves_no_error() -> None:
 
 def test_the_default_gains_are_stable_at_every_pitch_up_to_one_radian() -> None:
     model = CsaTestbed(modes=1).model()
-    gains = [np.full(2, getattr(CollocatedPid(), name)[0]) for name in ("kp", "ki", "kd")]
+    gains = [getattr(CollocatedPid(), name)[0] for name in ("kp", "kd", "ki")]
     for pitch in np.linspace(0.0, 1.0, 6):
-        loop = closed_loop(model.linearise(np.array([0.0, pitch, 0.0])), *gains)
+        linear = model.linearise(np.array([0.0, pitch, 0.0]))
+        kp, kd, ki = (gain * linear.input_matrix.T for gain in gains)
+        loop = integral_loop(linear, kp, kd, ki, None)
         assert np.linalg.eigvals(loop).real.max() < 0.0
 
 

@@ -39,8 +39,7 @@ QUICK = {
 }
 
 
-@lru_cache
-def bench() -> PlantDescription:
+def with_booms(**more: Any) -> PlantDescription:
     """Return a craft with two booms, each with a mode across in each direction."""
     values = {
         "kind": "spacecraft",
@@ -50,8 +49,14 @@ def bench() -> PlantDescription:
             name: {"kind": "torque", "direction": axis, "limit": LIMIT}
             for name, axis in AXES.items()
         },
+        **more,
     }
     return PlantDescription(read_testbed(values, "here"), PERIOD, np.full(3, LIMIT))
+
+
+@lru_cache
+def bench() -> PlantDescription:
+    return with_booms()
 
 
 def planned(goal: Any, duration: float, **more: Any) -> Plan:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from copy import deepcopy
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -23,35 +22,6 @@ PLAN = {
     "start": 0.5,
     "duration": 3.0,
 }
-MOTORS: dict[str, dict[str, Any]] = {
-    "lag": {"lag": 0.08},
-    "slew rate": {"slew_rate": 40.0},
-    "both": {"lag": 0.08, "slew_rate": 40.0},
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("law", "motor"),
-    representatives(
-        [*product(["pd_feedforward"], MOTORS), ("proportional_integral", "both")],
-        ("pd_feedforward", "both"),
-    ),
-)
-def test_motors_with_a_lag_or_a_slew_rate_fly_in_a_batch_as_on_the_bench(
-    study_of: Callable[..., Study], law: str, motor: str
-) -> None:
-    trial = {
-        "duration": 5.0,
-        "testbed": {"modes": 1, "effort_limit": [60.0, 40.0]},
-        "plan": PLAN,
-        "controllers": {law: {}},
-        "active": law,
-        "actuator": MOTORS[motor],
-        "schedule": [{"at": 2.0, "until": 2.5, "disturbance": {"base_yaw": 10.0}}],
-    }
-    vary = {f"actuator.{key}": {"relative": {"uniform": [-0.5, 0.5]}} for key in MOTORS[motor]}
-    require_equal(prepare(study_of(flown=trial, batch=True, vary=vary)), [0, 1, 2])
 
 
 @pytest.mark.slow
@@ -154,24 +124,6 @@ def test_joints_that_stick_fly_in_a_batch_as_on_the_bench(study_of: Callable[...
         "actuator.viscous_friction.hub_pitch": {"uniform": [0.0, 20.0]},
     }
     require_equal(prepare(study_of(flown=trial, batch=True, vary=vary)), [0, 1, 2, 3])
-
-
-@pytest.mark.slow
-def test_wheels_with_friction_fly_in_a_batch_as_on_the_bench(
-    study_of: Callable[..., Study],
-) -> None:
-    trial = {
-        "duration": 3.0,
-        "testbed": CRAFT,
-        "plan": {"method": "reference_only", "goal": {"roll": 0.2}, "duration": 2.0},
-        "controllers": {"pd_feedforward": {"kp": [30.0], "kd": [60.0]}},
-        "actuator": {"viscous_friction": 1e-3, "coulomb_friction": {"roll": 0.05}},
-    }
-    vary = {
-        "actuator.coulomb_friction.roll": {"loguniform": [1e-3, 1.0]},
-        "testbed.platform.mass": {"uniform": [140.0, 160.0]},
-    }
-    require_equal(prepare(study_of(flown=trial, batch=True, vary=vary)), [0, 1, 2])
 
 
 @pytest.mark.slow

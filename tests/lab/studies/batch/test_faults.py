@@ -226,13 +226,6 @@ def test_who_was_blind_when_the_brake_took_over_is_told_though_all_see_again(
     assert found.reason == "pd is silent: the brake takes over; pd: its estimate is not finite"
 
 
-@pytest.mark.slow
-def test_a_switch_at_the_tick_of_a_fallback_takes_effect(study_of: Callable[..., Study]) -> None:
-    switches = [SILENT, {"at": 0.94, "switch": "pid"}]  # four missed ticks later
-    study = faulty(study_of, [], switches=switches, fallback=["lqr"], max_missed=4)
-    require_equal(prepare(study), [0, 1])
-
-
 def test_faults_of_one_study_fly_beside_each_other(study_of: Callable[..., Study]) -> None:
     study = faulty(study_of, [KINDS[0], KINDS[3], KINDS[6], KINDS[12]], max_missed=100)
     ready = prepare(study)

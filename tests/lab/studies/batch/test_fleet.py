@@ -98,18 +98,6 @@ def test_what_a_law_believes_of_each_bench_is_its_own(
     require_equal(ready, [0, 5])
 
 
-@pytest.mark.slow
-def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., PreparedStudy]) -> None:
-    ready = prepared(
-        testbed={"modes": 1, "variant": "printed", "effort_limit": [20.0, 10.0]},
-        plan=PLAN | {"method": "none"},
-        vary={"controllers.pd_feedforward.kp": {"relative": {"uniform": [-0.5, 0.5]}}},
-    )
-    require_equal(ready, [0, 1, 2])
-    case = case_of(ready.study, ready.samples, 0)
-    assert (simulate_case(ready.study, case, ready.plans).metrics["saturated_time"] or 0.0) > 0.0
-
-
 @pytest.mark.parametrize(
     ("way", "trial"),
     [

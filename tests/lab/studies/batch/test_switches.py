@@ -88,13 +88,6 @@ def test_random_schedules_fly_in_a_batch_as_on_the_bench(
 
 
 @pytest.mark.slow
-def test_of_switches_at_one_tick_the_last_one_takes_effect(study_of: Callable[..., Study]) -> None:
-    legs = [(0.0, "pd"), (0.5, "lqr"), (1.0, "pid"), (1.0, "steady"), (1.0, "lqr"), (1.0, "pid")]
-    limit = {"testbed.effort_limit.0": {"uniform": [20.0, 60.0]}}
-    require_equal(prepare(study_of(flown=trial_of(legs), batch=True, vary=limit)), [0, 1, 2])
-
-
-@pytest.mark.slow
 def test_each_member_has_gains_and_a_craft_of_its_own_on_every_leg(
     study_of: Callable[..., Study],
 ) -> None:

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_lab.metrics import METRICS
-from flexslew_lab.studies.batch.batch_metrics import LOOP_METRICS
+from flexslew_lab.studies.batch.batch_metrics import needs_truth
 from flexslew_lab.studies.batch.benches.batch_faults import is_supported
 from flexslew_lab.studies.batch.groups.batch_trial import way_of_testbed
 from flexslew_lab.studies.ways import Way
+from flexslew_lab.trial.sources import read_trial
 from flexslew_plant.faults import FAULTS
 from flexslew_plant.testbeds import read_testbed
 
@@ -47,5 +47,6 @@ def test_shipped_faults_fly_in_batches_and_their_heirs_do_not(name: str) -> None
     assert not is_supported(object.__new__(heir))
 
 
-def test_shipped_metrics_are_counted_in_batches() -> None:
-    assert METRICS.keys() == LOOP_METRICS
+def test_only_a_platform_that_points_is_measured_from_its_truth() -> None:
+    assert not needs_truth(read_trial("m1")[0])
+    assert needs_truth(read_trial("own_spacecraft")[0])

@@ -115,18 +115,6 @@ def design(linear: Linearisation, weights: ScaledWeights) -> PiGains:
     return PiGains(-integral[:, n:], -proportional[:, n:], -integral[:, :n], poles)
 
 
-def closed_loop(linear: Linearisation, gains: PiGains) -> Matrix:
-    """Return the matrix of (q, v, s) with M v' = B (s - Kp q - Kd v) - D v - K q, s' = -Ki q.
-
-    Shape (2 n + joints, 2 n + joints).
-    """
-    n, m = linear.input_matrix.shape
-    a, b = linear.state_matrix, linear.state_input_matrix
-    top = np.hstack((a - b @ np.hstack((gains.kp, gains.kd)), b))
-    bottom = np.hstack((-gains.ki, np.zeros((m, n + m))))
-    return np.vstack((top, bottom))
-
-
 @dataclass(frozen=True)
 class NominalDeviation:
     """-Ki e, -Kp e, -Kd e' of the deviation e from the nominal trajectory, deflections included."""
@@ -163,7 +151,8 @@ def build(
     else:
         gains = _gain_matrices(model, settings.gains)
     names = (*state_names(model), *(f"integral of {name}" for name in model.joint_names))
-    require_stable(closed_loop(linear, gains), names, "proportional_integral with these gains")
+    loop = integral_loop(linear, gains.kp, gains.kd, gains.ki, None)
+    require_stable(loop, names, "proportional_integral with these gains")
     if isinstance(model, LinearModel):
         require_sampled_stability(
             lambda h: integral_loop(linear, gains.kp, gains.kd, gains.ki, h),

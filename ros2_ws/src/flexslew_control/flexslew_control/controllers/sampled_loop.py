@@ -77,17 +77,13 @@ def collocated_loop(
     Returns:
         of shape (2 n + integrals, 2 n + integrals).
     """
-    f, g = plant.step(period)
-    closed: Matrix = f - g @ (kp[:, None] * plant.position + kd[:, None] * plant.velocity)
-    if ki is None or not ki.any():
-        return closed
-    on = ki > 0.0
-    below = np.hstack((-period * (ki[:, None] * plant.position)[on], np.eye(int(on.sum()))))
-    return np.vstack((np.hstack((closed, g[:, on])), below))
+    gain = kp[:, None] * plant.position + kd[:, None] * plant.velocity
+    integral = None if ki is None else period * ki[:, None] * plant.position
+    return _with_integral(*plant.step(period), gain, integral, 1.0)
 
 
 def integral_loop(
-    linear: Linearisation, kp: Matrix, kd: Matrix, ki: Matrix | None, period: float
+    linear: Linearisation, kp: Matrix, kd: Matrix, ki: Matrix | None, period: float | None
 ) -> Matrix:
     """Return the map of one tick under u = s - kp q - kd q', s+ = s - period ki q, all q known.
 
@@ -95,19 +91,30 @@ def integral_loop(
         linear: M q'' + D q' + K q = B u.
         kp: shape (efforts, n).
         kd: of the same shape.
-        ki: of the same shape; none: no integral.
-        period: [s].
+        ki: of the same shape; rows of zeros have no integral; none: there is none.
+        period: [s]; None: the law acts all the time, and the matrix is that of the state's rate.
 
     Returns:
-        of shape (2 n + efforts, 2 n + efforts); without ki (2 n, 2 n).
+        of shape (2 n + integrals, 2 n + integrals).
     """
-    f, g = zero_order_hold(linear.state_matrix, linear.state_input_matrix, period)
-    closed: Matrix = f - g @ np.hstack((kp, kd))
-    if ki is None:
+    a, b = linear.state_matrix, linear.state_input_matrix
+    step, unit, stays = (a, b), 1.0, 0.0
+    if period is not None:
+        step, unit, stays = zero_order_hold(a, b, period), period, 1.0
+    integral = None if ki is None else np.hstack((unit * ki, np.zeros_like(ki)))
+    return _with_integral(*step, np.hstack((kp, kd)), integral, stays)
+
+
+def _with_integral(
+    f: Matrix, g: Matrix, gain: Matrix, integral: Matrix | None, stays: float
+) -> Matrix:
+    """Return the loop of x+ = f x + g u under u = s - gain x, s+ = stays s - integral x."""
+    closed: Matrix = f - g @ gain
+    if integral is None or not integral.any():
         return closed
-    m = len(ki)
-    below = np.hstack((-period * ki, np.zeros_like(ki), np.eye(m)))
-    return np.vstack((np.hstack((closed, g)), below))
+    on = integral.any(axis=1)
+    below = np.hstack((-integral[on], stays * np.eye(int(on.sum()))))
+    return np.vstack((np.hstack((closed, g[:, on])), below))
 
 
 def require_sampled_pd(

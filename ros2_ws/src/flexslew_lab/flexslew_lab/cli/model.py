@@ -7,6 +7,7 @@ import typer
 
 from flexslew_lab.cli.compare import Sets, TrialFile
 from flexslew_lab.cli.terminal import print_message, print_table
+from flexslew_lab.named import names_in
 from flexslew_lab.trial.outputs import check_output_file
 from flexslew_plant.errors import BadInput
 from flexslew_plant.keys.units import is_quantity
@@ -54,9 +55,7 @@ def model(
     point = point_of(requested, at, joints_of(rest))
     system = model_of(point, sampled)
     if outputs is not None:
-        system = system.rows(
-            _require_known([name.strip() for name in outputs.split(",")], system.outputs)
-        )
+        system = system.rows(_require_known(names_in(outputs), system.outputs))
     if minimal:
         system = minimal_part(system)
     save_model(system, to)
@@ -72,7 +71,7 @@ def model(
 
 
 def _require_known(names: list[str], outputs: tuple[str, ...]) -> list[str]:
-    for name in names:
+    for name in names or [""]:
         if name not in outputs:
             hint = spelling_hint(name, outputs)
             raise BadInput(f"--outputs: no {name!r}; {hint}allowed: {', '.join(outputs)}")

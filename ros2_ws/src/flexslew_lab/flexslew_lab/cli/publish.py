@@ -42,8 +42,9 @@ def figure(
 
     Example: `./flexslew figure runs/a runs/b --show tip,effort --to f.pdf`
     """
+    from flexslew_lab.named import names_in
     from flexslew_lab.publication.animation import write_animation
-    from flexslew_lab.publication.channels import labelled_runs, names_in
+    from flexslew_lab.publication.channels import labelled_runs
     from flexslew_lab.publication.figure import draw_runs
     from flexslew_lab.publication.metric_table import write_metric_table
 

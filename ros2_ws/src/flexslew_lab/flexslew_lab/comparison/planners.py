@@ -30,7 +30,6 @@ from flexslew_lab.comparison.slew import (
     tip_of,
     worst_residual,
 )
-from flexslew_lab.metrics.settling import goal_displacement, relative_overshoot, settling_band
 from flexslew_lab.run.flight_log import FlightLog
 from flexslew_lab.trial.trial import SavedPlan, Trial, plan_section_of, set_up
 from flexslew_plant.arrays import Matrix
@@ -155,32 +154,19 @@ def _metrics(seen: FlightLog, end: float) -> dict[str, Any]:
     assert plan is not None
     if seen.bench.failure:
         raise BadInput(seen.bench.failure)
-    time = np.array([truth.time for truth in seen.truth_log])
+    measured = seen.metrics(end)
+    settling_times = measured["settling_time"].values()
     position = _joints(seen.bench.model, seen.truth_log)
-    applied = np.array([truth.applied_effort for truth in seen.truth_log])
-    goal = plan.position[-1]
-    attitude = seen.bench.model.attitude
-    error = position - goal if attitude is None else -attitude.error(position, goal)
-    move = goal - position[0] if attitude is None else attitude.displacement(position[0], goal)
-    move, absolute_error = goal_displacement(move, error[0]), np.abs(error)
-    outside: Any = (absolute_error > settling_band(move)).any(axis=1)
-    last = float(time[outside][-1]) if outside.any() else plan.start
-    over = time >= end - 1e-9
     peak_index = np.abs(position - position[0]).argmax(axis=0)[None]
-    excess = np.maximum((error * np.sign(move)).max(axis=0), 0.0)
-    overshoot = relative_overshoot(move, excess)
     peak = np.take_along_axis(position, peak_index, axis=0)[0]
     return {
-        "settling_time": None if outside[-1] else max(last - plan.start, 0.0),
-        "residual_tip": float(np.abs(largest_tip(seen.truth_log)[over]).max()),
-        "residual_joint": float(absolute_error[over].max()),
+        "settling_time": None if None in settling_times else max(settling_times),
+        "residual_tip": measured["residual_tip_deflection"],
+        "residual_joint": max(measured["residual_attitude_error"].values()),
         "peak_position": dict(zip(plan.joint_names, peak.tolist(), strict=True)),
-        "overshoot": {
-            name: value if value == value else None
-            for name, value in zip(plan.joint_names, overshoot.tolist(), strict=True)
-        },
-        "peak_effort": np.abs(applied).max(axis=0).tolist(),
-        "effort": float((applied**2).sum(axis=1) @ np.diff(time, prepend=time[0])),
+        "overshoot": measured["overshoot"],
+        "peak_effort": [*measured["peak_effort"].values()],
+        "effort": measured["control_effort"],
     }
 
 

@@ -4,6 +4,12 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
 from flexslew_lab.console.view import BenchView
+from flexslew_plant.graph import topics
+
+SHOWN_TOPICS = (  # what a page shows of a bench or of a log
+    topics.TESTBED, topics.CONTROLLER_STATUS, topics.EVENTS, topics.PLAN, topics.TRUTH,
+    topics.CONTROLLER_STATE,
+)  # fmt: skip
 
 
 class RequestResult(NamedTuple):
@@ -21,6 +27,21 @@ class Iterate(NamedTuple):
     objective: float
     norm_terminal_error: float
     norm_input: float  # NaN where the method has none
+
+
+DRAFTED = "drafted: adopt or refuse it"
+
+
+def plan_outcome(plan: Any, outcome: str, *details: str | None) -> str:
+    """Return what became of a request for a plan, for a person.
+
+    Args:
+        plan: the plan, or its message.
+        outcome: what it is now, such as DRAFTED.
+        details: what else there is to state; empty ones are left out.
+    """
+    words = f"{plan.method}: {plan.duration:g} s from {plan.start:g} s on is {outcome}"
+    return "; ".join(filter(None, (words, *details)))
 
 
 Then = Callable[[RequestResult], None]

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flexslew_lab.console.link import Iterate, PlanCallback, RequestResult, Then
+from flexslew_lab.console.link import SHOWN_TOPICS, Iterate, PlanCallback, RequestResult, Then
 from flexslew_lab.console.view import BenchView, Now
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.replay.player import Outgoing, Player, PlaySettings
@@ -13,10 +13,6 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 from flexslew_plant.own_code import NO_CODE, Trust
 
-_TOPICS = (
-    topics.TESTBED, topics.CONTROLLER_STATUS, topics.EVENTS, topics.PLAN, topics.TRUTH,
-    topics.CONTROLLER_STATE,
-)  # fmt: skip
 _BEFORE = 300.0  # shown before the time that is gone to [s]
 _WORDS = "this is a log; it takes no commands"
 
@@ -39,7 +35,7 @@ class Replay:
 
     def __init__(self, bag: Path, trust: Trust = NO_CODE) -> None:
         available = Player(PlaySettings(bag=str(bag))).topics
-        selected_topics = tuple(f"/{name}" for name in _TOPICS if f"/{name}" in available)
+        selected_topics = tuple(f"/{name}" for name in SHOWN_TOPICS if f"/{name}" in available)
         if f"/{topics.TRUTH}" not in selected_topics:
             raise BadInput("holds no truth", bag)
         self._player = Player(PlaySettings(bag=str(bag), topics=selected_topics, paused=True))

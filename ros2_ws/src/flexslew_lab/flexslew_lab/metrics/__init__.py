@@ -5,7 +5,7 @@ One of your own: a class that fulfils `metric.Metric`, named in the trial as `me
 flexslew.metrics.
 
 Offers: course, efforts, epoch, from_bag, goal, joint_errors, keep_out, metric, operator_changes,
-own, rows, settling, takeovers, trajectory.
+own, rows, settling, takeovers, tip_deflection, trajectory.
 """
 
 from flexslew_lab.metrics.metric import Key as Key

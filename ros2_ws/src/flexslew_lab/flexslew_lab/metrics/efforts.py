@@ -1,7 +1,7 @@
 """What the drives give."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -12,9 +12,22 @@ from flexslew_lab.metrics.metric import (
     MetricEntry,
     RunSetup,
     add_rows,
-    by_joint,
+    ready,
 )
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Number, Vector
+
+
+class EffortSums(NamedTuple):
+    """What one or more runs have accumulated."""
+
+    peak: Vector  # largest |effort|, (..., joints)
+    square: Vector  # integral of its square, (..., joints)
+    saturated: Vector  # time with one at its limit, (...,) [s]
+
+
+def saturation_excess(effort: Number, limit: Number) -> Number:
+    """Return by how much efforts exceed their limits, but for rounding; from 0 on: saturated."""
+    return abs(effort) - limit * (1.0 - 1e-12)
 
 
 class Efforts:
@@ -40,41 +53,42 @@ class Efforts:
     def __init__(self, setup: RunSetup) -> None:
         self._setup = setup
         joints = len(setup.joint_names)
-        self.peak, self.square_sum = np.zeros(joints), np.zeros(joints)
-        self.saturated = np.zeros(1)
+        self.sums = EffortSums(np.zeros(joints), np.zeros(joints), np.zeros(1))
         self.times: tuple[float, float] | None = None  # first and last [s]
 
     def add(self, block: Block) -> None:
         """Take the next ticks."""
-        square = block.effort**2
-        self.peak = np.maximum(self.peak, np.abs(block.effort).max(axis=0))
-        self.square_sum = add_rows(self.square_sum, square * block.held[:, None])
+        peak, square, saturated = self.sums
+        peak = np.maximum(peak, np.abs(block.effort).max(axis=0))
+        square = add_rows(square, block.effort**2 * block.held[:, None])
         first = float(block.time[0]) if self.times is None else self.times[0]
         self.times = first, float(block.time[-1])
         limit = self._setup.limit
         if limit.size == block.effort.shape[1]:
-            full = (np.abs(block.effort) >= limit * (1.0 - 1e-12)).any(axis=1)
-            self.saturated = add_rows(self.saturated, block.held[full, None])
+            full = (saturation_excess(block.effort, limit) >= 0.0).any(axis=1)
+            saturated = add_rows(saturated, block.held[full, None])
+        self.sums = EffortSums(peak, square, saturated)
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the four values."""
-        return {
-            "peak_effort": by_joint(self._setup, self.peak),
-            "rms_effort": by_joint(self._setup, root_mean_square(self.square_sum, self.times)),
-            "control_effort": float(self.square_sum.sum()),
-            "saturated_time": float(self.saturated[0]),
-        }
+        first, last = self.times or (0.0, 0.0)
+        sums = self.sums._replace(saturated=self.sums.saturated[0])
+        return ready(self._setup, self.KEYS, effort_values(sums, last - first))
 
 
-def root_mean_square(square_sum: Vector, times: tuple[float, float] | None) -> Vector:
-    """Return that of the efforts of one or more runs, (..., joints).
+def effort_values(sums: EffortSums, duration: float) -> dict[str, Vector]:
+    """Return the values of one or more runs by key, shapes (..., joints) and (...,).
 
     Args:
-        square_sum: of them over the time, (..., joints).
-        times: first and last [s]; None: there was no tick.
+        sums: of the runs.
+        duration: from their first to their last tick [s].
     """
-    first, last = times or (0.0, 0.0)
-    return np.sqrt(square_sum / (last - first) if last > first else square_sum)
+    return {
+        "peak_effort": sums.peak,
+        "rms_effort": np.sqrt(sums.square / duration if duration > 0.0 else sums.square),
+        "control_effort": sums.square.sum(axis=-1),
+        "saturated_time": sums.saturated,
+    }
 
 
-EFFORTS = MetricEntry(Efforts, "effort")
+EFFORTS = MetricEntry(Efforts, "effort", needs_truth=False)

@@ -30,7 +30,8 @@ class Epoch:
         without: Container[type[Metric]] = (),
     ) -> None:
         self.number, self._setup = number, setup
-        shipped = (entry.metric for entry in METRICS.values() if entry.metric not in without)
+        entries = [entry for entry in METRICS.values() if entry.is_for(setup.testbed)]
+        shipped = (entry.metric for entry in entries if entry.metric not in without)
         self._metrics: list[Metric] = [metric(setup) for metric in (*shipped, *user_metrics)]
         self._model = None if setup.testbed is None else setup.testbed.model()
         self._last_time: float | None = None

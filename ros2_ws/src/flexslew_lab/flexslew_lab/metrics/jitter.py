@@ -15,7 +15,7 @@ _MAX_TICKS = 1_000_000  # and beyond which it is not kept
 
 
 class Jitter:
-    """Implements Metric; returns no value for a testbed without a platform that points.
+    """Implements Metric, of a platform that points.
 
     Welch 1967: the attitude error from the end of the manoeuvre, or `pointing_from`, on is cut into
     windows of `pointing_window`, each less its straight line and times Hann's window; the mean of
@@ -43,12 +43,10 @@ class Jitter:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        testbed = setup.testbed
-        self._testbed = testbed if isinstance(testbed, PointingTestbed) else None
+        known: Any = setup.testbed
+        self._testbed: PointingTestbed = known
         self._goal = goal_by_joint(setup)
-        self._from = setup.manoeuvre.end - 1e-9  # [s]
-        if self._testbed is not None:
-            self._from = max(self._from, self._testbed.pointing_from - 1e-9)
+        self._from = max(setup.manoeuvre.end, self._testbed.pointing_from) - 1e-9  # [s]
         self._period = 0.0  # of a tick [s]
         self._size = 0  # ticks of a window; 0: not known yet
         self._last = -1  # tick
@@ -60,7 +58,7 @@ class Jitter:
     def add(self, block: Block) -> None:
         """Take the next ticks."""
         counts = (block.time >= self._from) & (block.held > 0.0)  # a run's first tick has no length
-        if self._testbed is None or not counts.any():
+        if not counts.any():
             return
         error = block_motions(self._testbed, block, self._goal).attitude
         error, ticks = error[counts], block.tick[counts]
@@ -101,8 +99,6 @@ class Jitter:
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the root mean squares by body axis and octave."""
-        if self._testbed is None:
-            return {}
         if self._sum is None:
             return dict.fromkeys(self.KEYS)
         step = 1.0 / (self._size * self._period)
@@ -135,4 +131,4 @@ def by_octave(power: Matrix, step: float) -> tuple[Vector, Matrix]:
     return ends, np.sqrt(sums)
 
 
-JITTER = MetricEntry(Jitter)
+JITTER = MetricEntry(Jitter, of=PointingTestbed)

@@ -1,7 +1,7 @@
 """How far the joints are from their goal, after the manoeuvre and at its end."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -12,11 +12,21 @@ from flexslew_lab.metrics.metric import (
     MetricEntry,
     ReferenceManoeuvre,
     RunSetup,
-    by_joint,
+    ready,
 )
 from flexslew_lab.metrics.settling import goal_displacement
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.attitude import AttitudeJoints
+
+
+class ErrorExtremes(NamedTuple):
+    """What one or more runs have accumulated; errors are joint position - goal."""
+
+    residual: Vector  # largest |error| after the end, (..., joints); -inf: it has not ended
+    first: Vector  # error at the first tick, (..., joints); NaN: there is no goal
+    final: Vector  # error at the last tick, (..., joints)
+    rate: Vector  # of the joints at the last tick, (..., joints)
+    terminal: Vector  # norm of errors, modes and rates at the end, (...,); NaN: it has not ended
 
 
 class JointErrors:
@@ -44,58 +54,65 @@ class JointErrors:
 
     def __init__(self, setup: RunSetup) -> None:
         self._setup = setup
-        self.residual = np.full(len(setup.joint_names), np.nan)
-        self.first, self.final = self.residual.copy(), self.residual.copy()
-        self._last_rate = self.residual.copy()
-        self.terminal: float | None = None
+        unknown = np.full(len(setup.joint_names), np.nan)
+        self.extremes = ErrorExtremes(unknown - np.inf, *3 * (unknown,), np.array(np.nan))
 
     def add(self, block: Block) -> None:
         """Take the next ticks."""
         if block.error is None:
             return
-        if np.isnan(self.first).all():
-            self.first = block.error[0].copy()
+        residual, first, _, rate, terminal = self.extremes
+        if np.isnan(first).all():
+            first = block.error[0].copy()
         if block.over.any():
-            largest = abs(block.error[block.over]).max(axis=0)
-            self.residual = np.fmax(self.residual, largest)
-            if self.terminal is None:
+            if not np.isfinite(residual).any():
                 k = int(np.argmax(block.over))
                 rest = self._modes_and_rates(block.position[k], block.velocity[k])
-                self.terminal = float(np.linalg.norm(np.concatenate((block.error[k], rest))))
-        self.final = block.error[-1].copy()
+                terminal = np.asarray(np.linalg.norm(np.concatenate((block.error[k], rest))))
+            residual = np.fmax(residual, abs(block.error[block.over]).max(axis=0))
         if self._setup.manoeuvre.rate is not None:
-            self._last_rate = self._joint_rates(block.position[-1], block.velocity[-1])
+            rate = self._joint_rates(block.position[-1], block.velocity[-1])
+        self.extremes = ErrorExtremes(residual, first, block.error[-1].copy(), rate, terminal)
 
     def _joint_rates(self, q: Vector, v: Vector) -> Vector:
         if self._setup.testbed is None:
-            return v[: len(self.residual)].copy()
+            return v[: len(self._setup.joint_names)].copy()
         return self._setup.testbed.model().joint_state(np.concatenate((q, v)))[1].copy()
 
     def _modes_and_rates(self, q: Vector, v: Vector) -> Vector:
         """Return modal positions, joint rates and modal rates; a wheel may go on spinning."""
         if self._setup.testbed is None:
-            return np.concatenate((q[len(self.residual) :], v))
+            return np.concatenate((q[len(self._setup.joint_names) :], v))
         model = self._setup.testbed.model()
         x = np.concatenate((q, v))
         modes, modal_rates = model.modal_state(x)
         return np.concatenate((modes, model.joint_state(x)[1], modal_rates))
 
-    def _goal_error(self) -> float | None:
-        testbed, manoeuvre = self._setup.testbed, self._setup.manoeuvre
-        attitude = None if testbed is None else testbed.model().attitude
-        if not np.isfinite(self.residual).any():
-            return None
-        error = float(goal_errors(manoeuvre, attitude, self.first, self.final, self._last_rate))
-        return error if np.isfinite(error) else None
-
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the four values."""
-        return {
-            "residual_attitude_error": by_joint(self._setup, self.residual),
-            "final_error": by_joint(self._setup, self.final),
-            "goal_error": self._goal_error(),
-            "terminal_error_norm": self.terminal,
-        }
+        testbed, manoeuvre = self._setup.testbed, self._setup.manoeuvre
+        attitude = None if testbed is None else testbed.model().attitude
+        return ready(self._setup, self.KEYS, error_values(manoeuvre, attitude, self.extremes))
+
+
+def error_values(
+    manoeuvre: ReferenceManoeuvre, attitude: AttitudeJoints | None, extremes: ErrorExtremes
+) -> dict[str, Vector]:
+    """Return the values of one or more runs by key, shapes (..., joints) and (...,).
+
+    Args:
+        manoeuvre: that they flew.
+        attitude: of one run, the joints that read it; None: there is none.
+        extremes: of the runs; what is not finite in them is unknown.
+    """
+    residual, *ends, terminal = extremes
+    has_ended = np.isfinite(residual).any(axis=-1)
+    return {
+        "residual_attitude_error": residual,
+        "final_error": extremes.final,
+        "goal_error": np.where(has_ended, goal_errors(manoeuvre, attitude, *ends), np.nan),
+        "terminal_error_norm": terminal,
+    }
 
 
 def goal_errors(
@@ -137,4 +154,4 @@ def _in_motion(
     return np.asarray(np.maximum(left, off / whole))
 
 
-JOINT_ERRORS = MetricEntry(JointErrors)
+JOINT_ERRORS = MetricEntry(JointErrors, needs_truth=False)

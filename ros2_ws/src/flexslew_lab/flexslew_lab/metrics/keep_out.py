@@ -21,15 +21,15 @@ class KeepOutMetric:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        testbed = setup.testbed
-        self._testbed = testbed if isinstance(testbed, HasSky) else None
-        sky = None if self._testbed is None else self._testbed.sky()
+        known: Any = setup.testbed
+        self._testbed: HasSky = known
+        sky = self._testbed.sky()
         self._cones = () if sky is None else sky.cones
         self._margin: dict[str, float] = {}
 
     def add(self, block: Block) -> None:
         """Take the next ticks."""
-        if self._testbed is None or not self._cones:
+        if not self._cones:
             return
         attitude = self._testbed.attitudes(block.position)
         for cone in self._cones:
@@ -52,4 +52,4 @@ def cone_violations(metrics: Mapping[str, Any]) -> str:
     return f"looked into keep_out {each}" if each else ""
 
 
-KEEP_OUT = MetricEntry(KeepOutMetric)
+KEEP_OUT = MetricEntry(KeepOutMetric, of=HasSky)

@@ -33,16 +33,14 @@ class LineOfSightMetric:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        testbed = setup.testbed
-        self._testbed = testbed if isinstance(testbed, HasLinesOfSight) else None
+        known: Any = setup.testbed
+        self._testbed: HasLinesOfSight = known
         self._goal = goal_by_joint(setup)
         self._error: dict[str, float | None] = {}
         self._good_from: dict[str, float | None] = {}
 
     def add(self, block: Block) -> None:
         """Take the next ticks."""
-        if self._testbed is None:
-            return
         for name, sight in self._testbed.lines_of_sight(
             block.time, block.position, self._goal
         ).items():
@@ -68,4 +66,4 @@ class LineOfSightMetric:
         }
 
 
-LINE_OF_SIGHT = MetricEntry(LineOfSightMetric)
+LINE_OF_SIGHT = MetricEntry(LineOfSightMetric, of=HasLinesOfSight)

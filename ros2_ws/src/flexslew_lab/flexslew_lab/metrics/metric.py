@@ -100,15 +100,24 @@ class MetricEntry:
     Args:
         metric: the class; its keys name what it measures.
         group: heading under which people read it.
+        of: protocol of the testbeds that have it; None: all have.
+        needs_truth: batches record the truth for it, as they do for metrics of a user's own; False:
+            their loop accumulates what it needs, or it reads events alone.
     """
 
     metric: type[Metric]
     group: str = "motion"
+    of: type | None = None
+    needs_truth: bool = True
 
     @property
     def name(self) -> str:
         """What errors call it."""
         return self.metric.__name__
+
+    def is_for(self, testbed: Testbed | None) -> bool:
+        """Return whether runs of a testbed have it; None: of a version that is not known here."""
+        return self.of is None or isinstance(testbed, self.of)
 
 
 def goal_by_joint(setup: RunSetup) -> dict[str, float]:
@@ -128,7 +137,18 @@ def plain(values: Mapping[str, Vector]) -> dict[str, list[float]]:
     return {name: value.tolist() for name, value in values.items()}
 
 
+def ready(setup: RunSetup, keys: Mapping[str, Key], values: Mapping[str, Vector]) -> dict[str, Any]:
+    """Return the values of one run by key, those of joints by name; None where not finite."""
+    return {
+        key: by_joint(setup, value) if keys[key].per_joint else _finite(float(value))
+        for key, value in values.items()
+    }
+
+
 def by_joint(setup: RunSetup, values: Vector) -> dict[str, float | None]:
     """Return one value per joint by its name; None where it is not finite."""
-    finite = (float(x) if abs(x) < float("inf") else None for x in values.tolist())
-    return dict(zip(setup.joint_names, finite, strict=True))
+    return dict(zip(setup.joint_names, map(_finite, values.tolist()), strict=True))
+
+
+def _finite(value: float) -> float | None:
+    return value if abs(value) < float("inf") else None

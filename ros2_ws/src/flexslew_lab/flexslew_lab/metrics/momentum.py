@@ -49,8 +49,8 @@ class Momentum:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        testbed = setup.testbed
-        self._testbed = testbed if isinstance(testbed, PointingTestbed) else None
+        known: Any = setup.testbed
+        self._testbed: PointingTestbed = known
         self._speed: dict[str, float] = {}
         self._crossings: dict[str, int] = {}
         self._sign: dict[str, float] = {}  # the last that was not zero
@@ -61,8 +61,6 @@ class Momentum:
 
     def add(self, block: Block) -> None:
         """Take the next ticks."""
-        if self._testbed is None:
-            return
         spins = self._testbed.spins(block.velocity)
         if not (spins.speeds or spins.gimbals):
             return
@@ -102,4 +100,4 @@ class Momentum:
         }
 
 
-MOMENTUM = MetricEntry(Momentum, "effort")
+MOMENTUM = MetricEntry(Momentum, "effort", PointingTestbed)

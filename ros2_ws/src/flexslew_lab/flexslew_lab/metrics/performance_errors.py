@@ -20,7 +20,7 @@ from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
 
 
 class PerformanceErrors:
-    """Implements Metric; returns no value for a testbed without a platform that points.
+    """Implements Metric, of a platform that points.
 
     With e(t) the rotation from the goal's attitude, in body axes, and windows of `pointing_window`
     laid end to end from the end of the manoeuvre on, or from `pointing_from` (ECSS-E-ST-60-10C,
@@ -53,11 +53,10 @@ class PerformanceErrors:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        testbed = setup.testbed
-        self._testbed = testbed if isinstance(testbed, PointingTestbed) else None
-        self._goal, self._end = goal_by_joint(setup), setup.manoeuvre.end
-        if self._testbed is not None:
-            self._end = max(self._end, self._testbed.pointing_from)
+        known: Any = setup.testbed
+        self._testbed: PointingTestbed = known
+        self._goal = goal_by_joint(setup)
+        self._end = max(setup.manoeuvre.end, self._testbed.pointing_from)
         self._largest: dict[str, Vector] = {}
         self._window, self._sum, self._count = 0, np.zeros(3), 0
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
@@ -65,7 +64,7 @@ class PerformanceErrors:
     def add(self, block: Block) -> None:
         """Take the next ticks."""
         counts = block.time >= self._end - 1e-9
-        if self._testbed is None or not counts.any():
+        if not counts.any():
             return
         error = block_motions(self._testbed, block, self._goal).attitude
         error, time = error[counts], block.time[counts]
@@ -99,8 +98,6 @@ class PerformanceErrors:
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the three errors by body axis."""
-        if self._testbed is None:
-            return {}
         found = {kind: values.tolist() for kind, values in self._largest.items()}
         return {
             f"{kind}_performance_error": found.get(kind)
@@ -108,4 +105,4 @@ class PerformanceErrors:
         }
 
 
-PERFORMANCE_ERRORS = MetricEntry(PerformanceErrors)
+PERFORMANCE_ERRORS = MetricEntry(PerformanceErrors, of=PointingTestbed)

@@ -22,7 +22,7 @@ from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
 
 
 class PlatformError:
-    """Implements Metric; returns no value for a testbed without a platform that points."""
+    """Implements Metric, of a platform that points."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "residual_platform_position": Key(
@@ -43,16 +43,14 @@ class PlatformError:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        testbed = setup.testbed
-        self._testbed = testbed if isinstance(testbed, PointingTestbed) else None
+        known: Any = setup.testbed
+        self._testbed: PointingTestbed = known
         self._goal = goal_by_joint(setup)
         self._left: dict[str, Vector] = {}  # after the end, by kind
         self._squares, self._time = np.zeros(2), np.zeros(1)  # integrals over the run
 
     def add(self, block: Block) -> None:
         """Take the next ticks."""
-        if self._testbed is None:
-            return
         m = block_motions(self._testbed, block, self._goal)
         for k, (kind, error) in enumerate((("position", m.away), ("attitude", m.attitude))):
             terms = (error**2).sum(axis=1) * block.held
@@ -63,8 +61,6 @@ class PlatformError:
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the four values; what is left is None where the log ends too early."""
-        if self._testbed is None:
-            return {}
         left = plain(self._left)
         position, attitude = np.sqrt(
             self._squares / self._time if self._time.any() else self._squares
@@ -77,4 +73,4 @@ class PlatformError:
         }
 
 
-PLATFORM_ERROR = MetricEntry(PlatformError)
+PLATFORM_ERROR = MetricEntry(PlatformError, of=PointingTestbed)

@@ -59,8 +59,8 @@ class PointingMetric:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        testbed = setup.testbed
-        self._testbed = testbed if isinstance(testbed, PointingTestbed) else None
+        known: Any = setup.testbed
+        self._testbed: PointingTestbed = known
         self._names, self._goal = setup.joint_names, goal_by_joint(setup)
         self._error: dict[str, Vector] = {}
         self._tip_rotation: dict[str, Vector] = {}
@@ -73,8 +73,6 @@ class PointingMetric:
 
     def add(self, block: Block) -> None:
         """Take the next ticks."""
-        if self._testbed is None:
-            return
         m = block_motions(self._testbed, block, self._goal)
         self._effort = add_rows(self._effort, block.effort**2 * block.held[:, None])
         self._last_time = float(block.time[-1])
@@ -97,8 +95,6 @@ class PointingMetric:
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the values by appendage, actuator and wheel."""
-        if self._testbed is None:
-            return {}
         last = self._last_time
         settling_times = {name: self._settling_time.get(name, 0.0) for name in self._tip}
         no_values = dict.fromkeys(self._tip)  # where the end has not come
@@ -116,4 +112,4 @@ class PointingMetric:
         }
 
 
-POINTING = MetricEntry(PointingMetric)
+POINTING = MetricEntry(PointingMetric, of=PointingTestbed)

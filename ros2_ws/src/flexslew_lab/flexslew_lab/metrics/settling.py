@@ -1,7 +1,7 @@
 """When the joints stay at their goal, and how far they went beyond it."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from flexslew_lab.metrics.metric import (
     MetricEntry,
     ReferenceManoeuvre,
     RunSetup,
-    by_joint,
+    ready,
 )
 from flexslew_plant.arrays import Vector
 
@@ -42,6 +42,13 @@ def settling_band(move: Vector) -> Vector:
     return np.asarray(BAND * np.where(size == 0.0, size.max(axis=-1, keepdims=True), size))
 
 
+class SettlingExtremes(NamedTuple):
+    """What one or more runs have accumulated, each of shape (..., joints)."""
+
+    outside: Vector  # last time outside of the band [s]; -inf: never
+    excess: Vector  # farthest beyond the goal; -inf: the manoeuvre has not started
+
+
 class Settling:
     """Implements Metric."""
 
@@ -66,8 +73,7 @@ class Settling:
         self._setup = setup
         joints = len(setup.joint_names)
         self._move: Vector | None = None  # known with the first tick, (joints,)
-        self.outside = np.full(joints, -np.inf)  # last time outside of the band [s]
-        self.limit_excess = np.full(joints, np.nan)  # the goal; NaN: it has not started
+        self.extremes = SettlingExtremes(np.full(joints, -np.inf), np.full(joints, -np.inf))
         self.last_time = 0.0  # [s]
 
     def add(self, block: Block) -> None:
@@ -77,25 +83,39 @@ class Settling:
             return
         if self._move is None:
             self._move = goal_displacement(self._setup.manoeuvre.displacement, block.error[0])
+        outside, excess = self.extremes
         if block.started.any():
-            excess = (block.error[block.started] * np.sign(self._move)).max(axis=0)
-            self.limit_excess = np.fmax(self.limit_excess, np.maximum(excess, 0.0))
+            farthest = (block.error[block.started] * np.sign(self._move)).max(axis=0)
+            np.fmax(excess, farthest, out=excess)
         for joint, band in enumerate(settling_band(self._move)):
-            outside = np.flatnonzero(np.abs(block.error[:, joint]) > band)
-            if outside.size:
-                self.outside[joint] = block.time[outside[-1]]
+            ticks = np.flatnonzero(np.abs(block.error[:, joint]) > band)
+            if ticks.size:
+                outside[joint] = block.time[ticks[-1]]
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return both values."""
-        m = self._setup.manoeuvre
-        if m.goal is None or self._move is None:
-            no_values = by_joint(self._setup, np.full_like(self.outside, np.nan))
-            return {"settling_time": no_values, "overshoot": no_values}
-        times = settling_times(m, self.outside, self.last_time)
-        return {
-            "settling_time": by_joint(self._setup, times),
-            "overshoot": by_joint(self._setup, relative_overshoot(self._move, self.limit_excess)),
-        }
+        move = np.zeros(len(self._setup.joint_names)) if self._move is None else self._move
+        values = settling_values(self._setup.manoeuvre, move, self.extremes, self.last_time)
+        return ready(self._setup, self.KEYS, values)
+
+
+def settling_values(
+    manoeuvre: ReferenceManoeuvre, move: Vector, extremes: SettlingExtremes, last_time: float
+) -> dict[str, Vector]:
+    """Return the values of one or more runs by key, each of shape (..., joints); NaN: unknown.
+
+    Args:
+        manoeuvre: that they flew.
+        move: see goal_displacement, (..., joints).
+        extremes: of the runs.
+        last_time: of the runs [s].
+    """
+    if manoeuvre.goal is None:
+        return dict.fromkeys(Settling.KEYS, np.full_like(move, np.nan))
+    return {
+        "settling_time": settling_times(manoeuvre, extremes.outside, last_time),
+        "overshoot": relative_overshoot(move, extremes.excess),
+    }
 
 
 def settling_times(manoeuvre: ReferenceManoeuvre, outside: Vector, last_time: float) -> Vector:
@@ -116,9 +136,10 @@ def relative_overshoot(move: Vector, excess: Vector) -> Vector:
 
     Args:
         move: see goal_displacement, (..., joints).
-        excess: the goal, (..., joints); NaN: there was no time for it.
+        excess: farthest beyond the goal, (..., joints); -inf: the manoeuvre has not started.
     """
-    return np.asarray(excess / np.where(move == 0.0, np.nan, np.abs(move)))
+    beyond = np.where(np.isneginf(excess), np.nan, np.maximum(excess, 0.0))
+    return np.asarray(beyond / np.where(move == 0.0, np.nan, np.abs(move)))
 
 
-SETTLING = MetricEntry(Settling)
+SETTLING = MetricEntry(Settling, needs_truth=False)

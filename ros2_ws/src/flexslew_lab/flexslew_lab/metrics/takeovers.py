@@ -53,4 +53,4 @@ class Takeovers:
         }
 
 
-TAKEOVERS = MetricEntry(Takeovers, "controllers")
+TAKEOVERS = MetricEntry(Takeovers, "controllers", needs_truth=False)

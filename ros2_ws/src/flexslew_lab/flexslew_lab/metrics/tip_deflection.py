@@ -3,7 +3,10 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup
+import numpy as np
+
+from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, ready
+from flexslew_plant.arrays import Vector
 
 
 class TipDeflection:
@@ -24,19 +27,30 @@ class TipDeflection:
     }
 
     def __init__(self, setup: RunSetup) -> None:
-        self.residual: float | None = None  # [m]
-        self.peak = 0.0  # [m]
+        self._setup = setup
+        self.residual, self.peak = -np.inf, 0.0  # [m]
 
     def add(self, block: Block) -> None:
         """Take the next ticks."""
         tip = abs(block.tip).max(axis=1, initial=0.0)
         self.peak = max(self.peak, float(tip.max()))
         if block.over.any():
-            self.residual = max(self.residual or 0.0, float(tip[block.over].max()))
+            self.residual = max(self.residual, float(tip[block.over].max()))
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return both values."""
-        return {"residual_tip_deflection": self.residual, "peak_tip_deflection": self.peak}
+        values = tip_values(np.array(self.residual), np.array(self.peak))
+        return ready(self._setup, self.KEYS, values)
 
 
-TIP_DEFLECTION = MetricEntry(TipDeflection)
+def tip_values(residual: Vector, peak: Vector) -> dict[str, Vector]:
+    """Return the values of one or more runs by key, each of shape (...,) [m].
+
+    Args:
+        residual: largest deflection after the manoeuvre's end, (...,) [m]; -inf: it has not ended.
+        peak: largest deflection, (...,) [m].
+    """
+    return {"residual_tip_deflection": residual, "peak_tip_deflection": peak}
+
+
+TIP_DEFLECTION = MetricEntry(TipDeflection, needs_truth=False)

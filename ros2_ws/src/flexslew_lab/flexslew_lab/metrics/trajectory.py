@@ -56,4 +56,4 @@ class TrajectoryMetric:
         return {"trajectory_hash": self._hash.hexdigest()}
 
 
-TRAJECTORY = MetricEntry(TrajectoryMetric, "run")
+TRAJECTORY = MetricEntry(TrajectoryMetric, "run", needs_truth=False)

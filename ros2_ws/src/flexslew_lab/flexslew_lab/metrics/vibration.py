@@ -14,7 +14,7 @@ BAND = 0.05  # of the largest distance of its tip until then [-]
 
 
 class Vibration:
-    """Implements Metric; returns no value for a testbed without a platform that points."""
+    """Implements Metric, of a platform that points."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "vibration_settling_time": Key(
@@ -30,9 +30,7 @@ class Vibration:
 
     def __init__(self, setup: RunSetup) -> None:
         known: Any = setup.testbed
-        self._testbed: PointingTestbed | None = (
-            known if isinstance(known, PointingTestbed) else None
-        )
+        self._testbed: PointingTestbed = known
         self._goal = goal_by_joint(setup)
         self._end: dict[str, float] = {}  # of the last turn [s]
         if isinstance(known, Retargetable):
@@ -48,8 +46,6 @@ class Vibration:
 
     def add(self, block: Block) -> None:
         """Take the next ticks."""
-        if self._testbed is None:
-            return
         self._first_time = min(self._first_time, float(block.time[0]))
         self._last_time = float(block.time[-1])
         tips = block_motions(self._testbed, block, self._goal).tips
@@ -82,4 +78,4 @@ class Vibration:
         return {"vibration_settling_time": settling_times}
 
 
-VIBRATION = MetricEntry(Vibration)
+VIBRATION = MetricEntry(Vibration, of=PointingTestbed)

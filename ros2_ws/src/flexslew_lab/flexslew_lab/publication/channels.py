@@ -34,13 +34,6 @@ class ChannelPanel(NamedTuple):
     names: tuple[str, ...]  # of the signals
 
 
-def names_in(given: str | Sequence[str]) -> list[str]:
-    """Return names that are given as such, or in one text with commas between them."""
-    if not isinstance(given, str):
-        return list(given)
-    return [name.strip() for name in given.split(",") if name.strip()]
-
-
 def labelled_runs(
     given: Sequence[Flight | Path | str], labels: Sequence[str] = (), trust: Trust = NO_CODE
 ) -> list[LabelledRun]:

@@ -8,7 +8,14 @@ from flexslew_msgs import action, srv
 from rclpy.action import ActionClient
 from rclpy.node import Node
 
-from flexslew_lab.console.link import Iterate, PlanCallback, RequestResult, Then
+from flexslew_lab.console.link import (
+    DRAFTED,
+    Iterate,
+    PlanCallback,
+    RequestResult,
+    Then,
+    plan_outcome,
+)
 from flexslew_lab.ros.service_request import SERVICES, is_accepted, request_of
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
@@ -129,10 +136,9 @@ class BenchClient:
             result = future.result().result
             ok = result.error_code == result.DONE
             plan = result.plan
-            outcome = "published" if name == topics.PLAN_SLEW else "drafted: adopt or refuse it"
-            words = f"{plan.method}: {plan.duration:g} s from {plan.start:g} s on is {outcome}"
-            words += f"; {result.message}" if result.message else ""
-            answer(RequestResult(ok, words if ok else result.message), plan if ok else None)
+            outcome = "published" if name == topics.PLAN_SLEW else DRAFTED
+            words = plan_outcome(plan, outcome, result.message) if ok else result.message
+            answer(RequestResult(ok, words), plan if ok else None)
 
         goal_future = self._plan_clients[name].send_goal_async(goal, feedback_callback=iterate)
         goal_future.add_done_callback(accepted)

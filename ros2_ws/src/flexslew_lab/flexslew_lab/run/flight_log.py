@@ -27,9 +27,13 @@ class FlightLog(Observer):
         """Take an event."""
         self.events.append(event)
 
-    def metrics(self) -> dict[str, Any]:
-        """Return the content of metrics.json."""
-        measured = MetricsObserver(self.bench, self.plan)
+    def metrics(self, end: float | None = None) -> dict[str, Any]:
+        """Return the content of metrics.json.
+
+        Args:
+            end: of the manoeuvre, instead of that of the plan [s].
+        """
+        measured = MetricsObserver(self.bench, self.plan, end=end)
         for truth in self.truth_log:
             measured.truth(truth)
         for event in self.events:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+from flexslew_lab.named import names_in
 from flexslew_lab.trial.sources import DEFAULT
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph.graph_names import require_name
@@ -45,14 +46,13 @@ def launch_values(given: Mapping[str, str]) -> LaunchValues:
     """
     if given["namespace"].strip("/"):
         require_name(given["namespace"].strip("/"), "launch: namespace")
-    controllers = tuple(name.strip() for name in given["controllers"].split(",") if name.strip())
     return LaunchValues(
         given["trial"],
         Path(given["out"]) if given["out"] else None,
         _rate(given["rate"]),
         given["namespace"],
         _truth("record", given["record"]),
-        controllers,
+        tuple(names_in(given["controllers"])),
         _truth("report", given["report"]),
         _truth("shutdown", given["shutdown"]),
     )

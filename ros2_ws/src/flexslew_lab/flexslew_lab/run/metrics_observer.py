@@ -25,10 +25,15 @@ class MetricsObserver(Observer):
         bench: at tick 0.
         plan: that is flown, None without one.
         user_metrics: metrics of the trial's own.
+        end: of the manoeuvre, instead of that of the plan [s].
     """
 
     def __init__(
-        self, bench: Bench, plan: Plan | None, user_metrics: Sequence[type[Metric]] = ()
+        self,
+        bench: Bench,
+        plan: Plan | None,
+        user_metrics: Sequence[type[Metric]] = (),
+        end: float | None = None,
     ) -> None:
         joints, n = bench.model.joints, bench.truth().position.size
         if plan is None:
@@ -37,6 +42,8 @@ class MetricsObserver(Observer):
             manoeuvre = manoeuvre_of(
                 plan.position, plan.velocity, plan.start, plan.duration, bench.testbed
             )
+        if end is not None:
+            manoeuvre = manoeuvre._replace(end=end)
         names = tuple(bench.model.joint_names)
         setup = RunSetup(names, manoeuvre, bench.limit, bench.testbed)
         self._epoch = Epoch(bench.epoch, setup, user_metrics)

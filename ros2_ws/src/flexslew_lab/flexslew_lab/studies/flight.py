@@ -31,7 +31,7 @@ from flexslew_plant.events import (
     BrakeActivated,
     ControllerNotReady,
     ControllerReady,
-    Event,
+    Fact,
     message_of,
 )
 from flexslew_plant.own_code import one_line
@@ -160,35 +160,25 @@ def _simulate(
     observer = MetricsObserver(bench, plan, user_metrics)
     run_bench(bench, controllers, observer)
     if bench.drive.active == "":  # whether or not it failed under the brake
-        return {}, None, _brake_reason(observer.events)
+        return {}, None, brake_reason(event.what for event in observer.events)
     if bench.failure:
         return {}, None, bench.failure
     metrics = observer.result()
     return columns_of(metrics, keys_of(user_metrics)), str(metrics["trajectory_hash"]), ""
 
 
-def brake_reason(brake_event: BrakeActivated, not_ready: Mapping[str, str]) -> str:
-    """Return why a trial has failed that ends in the brake.
-
-    Args:
-        brake_event: of the brake.
-        not_ready: why controllers could not take charge then, by name.
-    """
-    words = (f"{name}: {reason}" for name, reason in sorted(not_ready.items()))
-    return "; ".join((message_of(brake_event), *words))
-
-
-def _brake_reason(events: Iterable[Event]) -> str:
-    """Return the same from the events of a trial."""
+def brake_reason(facts: Iterable[Fact]) -> str:
+    """Return why a trial has failed that ends in the brake, and who was not ready; else empty."""
     not_ready, found = dict[str, str](), ""
-    for event in events:
-        match event.what:
+    for fact in facts:
+        match fact:
             case ControllerNotReady():
-                not_ready[event.what.controller] = event.what.reason
+                not_ready[fact.controller] = fact.reason
             case ControllerReady():
-                del not_ready[event.what.controller]
+                del not_ready[fact.controller]
             case BrakeActivated():
-                found = brake_reason(event.what, not_ready)
+                words = (f"{name}: {reason}" for name, reason in sorted(not_ready.items()))
+                found = "; ".join((message_of(fact), *words))
     return found
 
 

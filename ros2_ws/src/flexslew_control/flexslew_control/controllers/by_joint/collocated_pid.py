@@ -9,6 +9,7 @@ from flexslew_control.controllers.by_joint.gyroscopic import Gyroscopic
 from flexslew_control.controllers.by_joint.integral_action import Action, IntegralLaw
 from flexslew_control.controllers.by_joint.three_axes import OF_TESTBED, control_axes, form_on_axes
 from flexslew_control.controllers.entry import LawEntry
+from flexslew_control.controllers.sampled_loop import integral_loop
 from flexslew_control.estimators.attitude_estimator import (
     AttitudeFilterSettings,
     joint_estimator,
@@ -31,7 +32,6 @@ from flexslew_control.linear_form import LinearForm, collocated_form
 from flexslew_control.shared_keys import DesignModel, TrackingTime
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import PerJoint, section
-from flexslew_plant.testbeds.linearisation import Linearisation
 
 
 @section
@@ -71,23 +71,6 @@ class JointDeviation:
         return Action(self.ki * e, self.kp * e, self.kd * rate)
 
 
-def closed_loop(linear: Linearisation, kp: Vector, ki: Vector, kd: Vector) -> Matrix:
-    """Return the matrix of (q, v, s), with s only for joints that integrate.
-
-    Args:
-        linear: the small motions about the operating point.
-        kp, ki, kd: shape (joints,).
-    """
-    b = linear.input_matrix
-    n = len(b)
-    loop = linear.with_feedback(kp, kd)
-    has_integral = ki > 0.0
-    count = int(has_integral.sum())
-    top = np.hstack((loop.state_matrix, loop.state_input_matrix[:, has_integral]))
-    integral = -(np.diag(ki) @ b.T)[has_integral]
-    return np.vstack((top, np.hstack((integral, np.zeros((count, n + count))))))
-
-
 def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[Estimator, Law]:
     """Return the estimator of the joints and the law.
 
@@ -105,7 +88,9 @@ def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[Estimator, 
             f"integral of {name}" for name, k in zip(what.names, ki, strict=True) if k > 0.0
         ]
         names = (*state_names(model), *integrals)
-        require_stable(closed_loop(linear, kp, ki, kd), names, "collocated_pid with these gains")
+        p, d, i = (np.diag(each) @ linear.input_matrix.T for each in (kp, kd, ki))
+        loop = integral_loop(linear, p, d, i, None)
+        require_stable(loop, names, "collocated_pid with these gains")
     what.require_stable(kp, kd, "collocated_pid", ki)
     deviation = JointDeviation(kp, ki, kd)
     law = IntegralLaw(deviation, what.limit, settings.tracking_time, plant.period, what.turning)

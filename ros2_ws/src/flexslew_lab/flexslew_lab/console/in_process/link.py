@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from flexslew_lab.console.in_process.operated_bench import OperatedBench
-from flexslew_lab.console.link import Iterate, PlanCallback, RequestResult, Then
+from flexslew_lab.console.link import SHOWN_TOPICS, Iterate, PlanCallback, RequestResult, Then
 from flexslew_lab.console.view import BenchView, Now
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.recording.bag_observer import BagObserver
@@ -17,10 +17,6 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 from flexslew_plant.own_code import NO_CODE, Trust
 
-_SHOWN = {
-    topics.TESTBED, topics.CONTROLLER_STATUS, topics.EVENTS, topics.PLAN, topics.TRUTH,
-    topics.CONTROLLER_STATE,
-}  # fmt: skip
 _BACKLOG = 5000  # messages for the page, beyond which the bench waits for it
 _NOT_YET = RequestResult(False, "the bench is not there yet: its plan is being made")
 _OVER = RequestResult(False, "the run is over")
@@ -43,7 +39,7 @@ class InProcessLink:
         self._messages: deque[tuple[str, bytes]] = deque()  # name of the topic and CDR
         self._replies: deque[Callable[[], None]] = deque()
         self._bench: OperatedBench | None = None
-        self._shown = set(_SHOWN)
+        self._shown = set(SHOWN_TOPICS)
         self._is_over = False
 
     def fly(
@@ -103,7 +99,7 @@ class InProcessLink:
 
     def measure(self, on: bool) -> None:
         """Add the sensor readings of every tick to the view, or stop adding them."""
-        self._shown = {*_SHOWN, topics.MEASUREMENT} if on else set(_SHOWN)
+        self._shown = {*SHOWN_TOPICS, topics.MEASUREMENT} if on else set(SHOWN_TOPICS)
 
     def _ready_bench(self, then: Then) -> OperatedBench | None:
         """Return the bench that takes requests; else answer why there is none."""

@@ -21,7 +21,8 @@ from flexslew_lab.run.run_trial import PreparedTrial
 from flexslew_lab.trial.trial import law_of, plant_of
 from flexslew_plant.bench.bench import SwitchRequest, Truth
 from flexslew_plant.bench.due_ticks import requested_tick
-from flexslew_plant.bench.operation.run_state import FINISHED, WAITING
+from flexslew_plant.bench.operation.requests import Requests
+from flexslew_plant.bench.operation.run_state import FINISHED
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import Event
@@ -64,6 +65,8 @@ class OperatedBench:
         self._switches: list[tuple[SwitchRequest, float, Then]] = []  # with a deadline [wall s]
         running = trial.rate_factor, trial.answer_timeout, False
         self.session = Session(self._bench, (*controllers,), *running, list, list)
+        self._by_name = Requests(self.session, lambda: self._hosts)
+        self._by_name.actions[topics.START] = self._start
         plant = plant_of(trial)
         self._hosts: dict[str, ControllerHost] = {}
         for name, controller in controllers.items():
@@ -137,18 +140,7 @@ class OperatedBench:
             values: fields of its request; a simulated time `at` in seconds.
             then: takes the answer.
         """
-        acts: dict[str, Callable[..., Reply]] = {
-            topics.OPERATE: self._operate,
-            topics.STEP: self._step,
-            topics.SET_RATE: lambda rate_factor, who: self.session.set_rate(
-                rate_factor, monotonic(), who
-            ),
-            topics.NOTE: self.session.note,
-            topics.INJECT_FAULT: self._inject,
-            topics.END_FAULT: self._bench.end_fault,
-            topics.RETARGET: self._retarget,
-            topics.DECIDE_PLAN: self.plans.decide,
-        }
+        acts = self._by_name.services | {topics.DECIDE_PLAN: self.plans.decide}
         if service == topics.SWITCH_CONTROLLER:
             self._switch(then=then, **values)
             return
@@ -164,39 +156,10 @@ class OperatedBench:
             reply = Reply(refused=error.refusal)
         then(RequestResult(reply.ok, reply.message, reply.tick or tick))
 
-    def _operate(self, action: str, who: str) -> Reply:
-        session = self.session
-        acts: dict[str, Callable[[], Reply]] = {
-            topics.START: partial(self._start, who),
-            topics.PAUSE: partial(session.pause, monotonic(), who),
-            topics.RESET: partial(session.reset, who),
-            topics.BRAKE: partial(session.brake, True, who),
-            topics.RELEASE_BRAKE: partial(session.brake, False, who),
-        }
-        if action not in acts:
-            return Reply(refused=Refusal(", ".join(acts), "action", action))
-        return acts[action]()
-
     def _start(self, who: str) -> Reply:
         reply = self.session.start(who)
         self._poll()
-        waiting = ", ".join(self.session.waiting_for)
-        if not reply.ok or self.session.run.state != WAITING or not waiting:
-            return reply
-        return Reply(f"{reply.done} as soon as they are there: waiting for {waiting}")
-
-    def _step(self, ticks: int, who: str) -> Reply:
-        reply = self.session.step(ticks, who)
-        return reply._replace(tick=self._bench.tick + max(1, ticks)) if reply.ok else reply
-
-    def _inject(self, fault: str, at: float, who: str) -> Reply:
-        return self._bench.inject(fault, self._tick(at), who, sorted(self._hosts))
-
-    def _retarget(self, target: str, at: float, who: str) -> Reply:
-        return self._bench.retarget(target, self._tick(at), who)
-
-    def _tick(self, at: float) -> int:
-        return requested_tick(at, self._bench.settings.period, self._bench.tick)
+        return self._by_name.with_missing(reply)
 
     def _switch(
         self, then: Then, controller: str, at: float, strict: bool, max_effort_step: float,

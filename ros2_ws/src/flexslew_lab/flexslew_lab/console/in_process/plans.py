@@ -15,7 +15,7 @@ from flexslew_control.plan_service.job import BUSY, Client, PlanJob, motion_requ
 from flexslew_control.plan_service.release import PlanRelease, decided
 from flexslew_control.planned_course import PlanResponse
 from flexslew_control.planning import Iteration, MotionRequest, PlanRequest
-from flexslew_lab.console.link import Iterate, PlanCallback, RequestResult
+from flexslew_lab.console.link import DRAFTED, Iterate, PlanCallback, RequestResult, plan_outcome
 from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_plant.bench.operation.run_state import RUNNING
 from flexslew_plant.bench.operation.session import Session
@@ -174,13 +174,9 @@ class LocalPlans:
         if isinstance(plan, Refusal):
             then(RequestResult(False, str(plan)), None)
             return
-        words = (
-            f"{plan.method}: {plan.duration:g} s from {plan.start:g} s on is drafted: adopt or "
-            "refuse it"
-        )
-        parts = (words, describe_plan_law(plan), plan.summary.get("warning"))
+        details = describe_plan_law(plan), plan.summary.get("warning")
         message = self.release.keep(plan, who)
-        then(RequestResult(True, "; ".join(filter(None, parts))), message)
+        then(RequestResult(True, plan_outcome(plan, DRAFTED, *details)), message)
 
     def _motion(self, plan: Plan, request: PlanRequest) -> MotionRequest | Plan:
         """Return what the prediction of a plan from the motion of the bench requires."""

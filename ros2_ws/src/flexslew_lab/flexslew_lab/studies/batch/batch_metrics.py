@@ -4,63 +4,31 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexslew_lab.metrics import (
-    COURSE,
-    EFFORTS,
-    JITTER,
-    JOINT_ERRORS,
-    KEEP_OUT,
-    KEYS,
-    LINE_OF_SIGHT,
-    MOMENTUM,
-    OPERATOR_CHANGES,
-    PERFORMANCE_ERRORS,
-    PLATFORM_ERROR,
-    POINTING,
-    SETTLING,
-    TAKEOVERS,
-    TIP_DEFLECTION,
-    TRAJECTORY,
-    VIBRATION,
-)
+from flexslew_lab.metrics import KEYS, METRICS
 from flexslew_lab.metrics.course import CourseMetric
-from flexslew_lab.metrics.efforts import root_mean_square
+from flexslew_lab.metrics.efforts import EffortSums, effort_values
 from flexslew_lab.metrics.epoch import merged
-from flexslew_lab.metrics.joint_errors import goal_errors
+from flexslew_lab.metrics.joint_errors import ErrorExtremes, error_values
 from flexslew_lab.metrics.metric import Ending, ReferenceManoeuvre, RunSetup
 from flexslew_lab.metrics.operator_changes import OperatorChanges
-from flexslew_lab.metrics.settling import goal_displacement, relative_overshoot, settling_times
+from flexslew_lab.metrics.settling import SettlingExtremes, goal_displacement, settling_values
 from flexslew_lab.metrics.takeovers import Takeovers
+from flexslew_lab.metrics.tip_deflection import tip_values
 from flexslew_lab.studies.batch.groups.batch_trial import BatchTrial
 from flexslew_lab.studies.batch.groups.rows import Rows
 from flexslew_lab.studies.batch.loop import Schedule
 from flexslew_lab.studies.flight import columns_of
+from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.events import Event
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
 
-# what the loop counts, and what testbeds that point alone have; others need the recorded truth
-LOOP_METRICS = frozenset(
-    entry.name
-    for entry in (
-        TIP_DEFLECTION,
-        JOINT_ERRORS,
-        SETTLING,
-        EFFORTS,
-        TAKEOVERS,
-        OPERATOR_CHANGES,
-        COURSE,
-        TRAJECTORY,
-        POINTING,
-        PLATFORM_ERROR,
-        PERFORMANCE_ERRORS,
-        JITTER,
-        MOMENTUM,
-        LINE_OF_SIGHT,
-        KEEP_OUT,
-        VIBRATION,
+
+def needs_truth(trial: Trial) -> bool:
+    """Return whether a metric of a trial is measured from its recorded truth."""
+    return bool(trial.metrics) or any(
+        entry.needs_truth and entry.is_for(trial.testbed) for entry in METRICS.values()
     )
-)
 
 
 class BatchMetrics:
@@ -87,8 +55,7 @@ class BatchMetrics:
         self._goal = np.full(joints, np.nan) if target.goal is None else target.goal
         self._rows, self._of_kernel, self._target = rows, member.kernel.rows, target
         self._names, self._first = member.model.joint_names, at_rest.T - self._goal
-        self._started, self._finished = bool(schedule.started.any()), bool(schedule.over.any())
-        time = schedule.time
+        self._finished, time = bool(schedule.over.any()), schedule.time
         self._times = float(time[0]), float(time[-1])
         testbed = member.trial.testbed
         setup = RunSetup(self._names, target, np.array(testbed.effort_limit), testbed)
@@ -125,32 +92,23 @@ class BatchMetrics:
         def joints(begin: int) -> Matrix:
             return w[begin : begin + len(self._names) * BATCH_WIDTH].reshape(-1, BATCH_WIDTH).T
 
-        after = 1.0 if self._finished else np.nan  # what counts after the end of the manoeuvre
-        start_mask = 1.0 if self._started else np.nan
-        goal_mask = np.nan if target.goal is None else 1.0  # what counts where there is a goal
         final = joints(of_kernel.position) - self._goal
-        errors = goal_errors(target, None, self._first, final, joints(of_kernel.rate))
-        command = goal_displacement(target.displacement, self._first)
-        squares = joints(rows.square_sum)
-        return {
-            "residual_tip_deflection": after * one(rows.residual_tip),
-            "peak_tip_deflection": one(rows.peak_tip),
-            **self._by_joint("residual_attitude_error", after * goal_mask * joints(rows.residual)),
-            **self._by_joint("final_error", final),
-            "goal_error": after * errors,
-            "terminal_error_norm": after * goal_mask * one(rows.terminal),
-            **self._by_joint(
-                "settling_time",
-                goal_mask * settling_times(target, joints(rows.outside), self._times[1]),
-            ),
-            **self._by_joint(
-                "overshoot", relative_overshoot(command, start_mask * joints(rows.limit_excess))
-            ),
-            **self._by_joint("peak_effort", joints(rows.peak_effort)),
-            **self._by_joint("rms_effort", root_mean_square(squares, self._times)),
-            "control_effort": squares.sum(axis=1),
-            "saturated_time": one(rows.saturated),
+        terminal = one(rows.terminal) if self._finished else np.full(BATCH_WIDTH, np.nan)
+        ends = self._first, final, joints(of_kernel.rate), terminal
+        move = goal_displacement(target.displacement, self._first)
+        extremes = SettlingExtremes(joints(rows.outside), joints(rows.limit_excess))
+        efforts = joints(rows.peak_effort), joints(rows.square_sum), one(rows.saturated)
+        first, last = self._times
+        values = {
+            **tip_values(one(rows.residual_tip), one(rows.peak_tip)),
+            **error_values(target, None, ErrorExtremes(joints(rows.residual), *ends)),
+            **settling_values(target, move, extremes, last),
+            **effort_values(EffortSums(*efforts), last - first),
         }
+        found = dict[str, Vector]()
+        for name, value in values.items():
+            found |= self._by_joint(name, value) if KEYS[name].per_joint else {name: value}
+        return found
 
     def _by_joint(self, name: str, values: Matrix) -> dict[str, Vector]:
         """Return the columns of what each joint has, see columns_of."""

@@ -17,9 +17,8 @@ from flexslew_control.linear_form import (
 )
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
-from flexslew_lab.metrics import METRICS
 from flexslew_lab.metrics.metric import ReferenceManoeuvre
-from flexslew_lab.studies.batch.batch_metrics import LOOP_METRICS, BatchMetrics
+from flexslew_lab.studies.batch.batch_metrics import BatchMetrics, needs_truth
 from flexslew_lab.studies.batch.benches.batch_faults import is_supported
 from flexslew_lab.studies.batch.benches.judge import SENSOR_ERROR
 from flexslew_lab.studies.batch.groups.batch_laws import is_large, kind_of, size_of
@@ -52,7 +51,6 @@ from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
-from flexslew_plant.testbeds.contract import Pointing
 from flexslew_plant.testbeds.model import Model
 
 _OFFSET = 1e-14  # beginning of a twin: above the rounding of a tick, far below any metric
@@ -202,9 +200,7 @@ class BatchRunner:
         group, prepared = [one.member for one in ready], ready[0].law
         first, last = group[0], ready[-1]  # which fills up
         all_members = [*ready, *(last for _ in range(BATCH_WIDTH - len(ready)))]
-        standard_metrics = METRICS.keys() <= LOOP_METRICS and not first.trial.metrics
-        recorded = isinstance(first.trial.testbed, Pointing) or not standard_metrics
-        recorded = recorded and not first.happens.charge.failure
+        recorded = needs_truth(first.trial) and not first.happens.charge.failure
         flight = BatchFlight(
             [one.member for one in all_members],
             [one.law.segments for one in all_members],

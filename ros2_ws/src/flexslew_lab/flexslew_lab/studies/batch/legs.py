@@ -264,7 +264,7 @@ class BatchFlight:
             w[rows.quantum : rows.doubt] = self._errors.quantum.ravel()
         if appendages.rate is not None:
             w[rows.tip_rate : rows.end] = np.repeat(appendages.rate, BATCH_WIDTH)
-        w[rows.outside : rows.terminal] = -np.inf
+        w[rows.residual_tip : rows.peak_tip] = -np.inf
         return w
 
 

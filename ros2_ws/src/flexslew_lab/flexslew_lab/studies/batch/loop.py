@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from flexslew_lab.metrics.efforts import saturation_excess
 from flexslew_lab.studies.batch.benches.batch_faults import setting_in
 from flexslew_lab.studies.batch.benches.judge import sensor_check_step
 from flexslew_lab.studies.batch.benches.readings import sensor_readings, tip_deflection
@@ -20,10 +21,10 @@ from flexslew_lab.studies.batch.laws.efforts import FlightNumbers, LawTerms, eff
 from flexslew_lab.studies.batch.laws.observers import BatchSignals, ObserverStep
 from flexslew_lab.studies.batch.laws.turned import relative_to_reference
 from flexslew_lab.studies.batch.laws.watch import innovation_monitor
-from flexslew_plant.arrays import Matrix, Tensor, Vector, vectorised
+from flexslew_plant.arrays import Matrix, Tensor, Vector, called, vectorised
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH, BatchKernel, KernelRows
 
-MARGIN = 1.0 - 1e-12  # of the limit: an effort from there on is saturated, as in metrics.efforts
+_beyond_limit = called(saturation_excess)
 
 
 class Schedule(NamedTuple):
@@ -138,7 +139,7 @@ class _Moment(NamedTuple):
 
     time: float  # [s]
     held: float  # how long the effort before it was [s]
-    over: float  # 1: the manoeuvre is
+    over: float  # 0: the manoeuvre is; else -inf
     started: float  # 0: it has; else -inf
     ends: bool  # it is over from here on
 
@@ -154,7 +155,11 @@ def _moment(k: int, schedule: Any) -> _Moment:
     time, over, was_over = schedule.time[k], schedule.over[k], schedule.over[before] & (k > 0)
     hold_time, started = time - schedule.time[before], schedule.started[k]
     return _Moment(
-        time, hold_time, 1.0 if over else 0.0, 0.0 if started else -np.inf, over and not was_over
+        time,
+        hold_time,
+        0.0 if over else -np.inf,
+        0.0 if started else -np.inf,
+        over and not was_over,
     )
 
 
@@ -181,17 +186,17 @@ def _measure(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., N
             for member in range(BATCH_WIDTH):
                 deflection = abs(w[deflections + member])
                 w[peak_tip + member] = max(w[peak_tip + member], deflection)
-                w[residual_tip + member] = max(w[residual_tip + member], over * deflection)
+                w[residual_tip + member] = max(w[residual_tip + member], deflection + over)
         for i in range(m):
             for member in range(BATCH_WIDTH):
                 at = i * BATCH_WIDTH + member
                 error, push = w[position + at] - w[goal + at], abs(w[effort + at])
-                w[residual + at] = max(w[residual + at], over * abs(error))
+                w[residual + at] = max(w[residual + at], abs(error) + over)
                 w[overshoot + at] = max(w[overshoot + at], error * w[sign + at] + started)
                 w[outside + at] = time if abs(error) > w[band + at] else w[outside + at]
                 w[peak_effort + at] = max(w[peak_effort + at], push)
                 w[square_sum + at] += hold_time * push * push
-                most = push >= w[limit + at] * MARGIN
+                most = _beyond_limit(push, w[limit + at]) >= 0.0
                 w[saturated + member] += hold_time if most and w[full + member] < time else 0.0
                 w[full + member] = time if most else w[full + member]
 

@@ -1,22 +1,22 @@
 """The services of the plant: what an operator may request of the bench while it runs."""
 
 from collections.abc import Callable
+from functools import partial
 from time import monotonic
 from typing import Any
 
-from builtin_interfaces.msg import Time
 from flexslew_msgs import msg, srv
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from flexslew_plant.bench.due_ticks import requested_tick
+from flexslew_plant.bench.operation.requests import Requests
 from flexslew_plant.bench.operation.run_state import PAUSED, WAITING
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
-from flexslew_plant.refusal import Refusal, Reply
+from flexslew_plant.refusal import Reply
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import seconds_of, stamp
 from flexslew_plant.ros.offers import publisher
@@ -56,27 +56,22 @@ class Services:
         self._state = publisher(node, topics.BENCH_STATE)
         self._last_state: tuple[Any, ...] = ()
         self._next_state = 0.0
-        self._actions: dict[str, Callable[[str], Reply]] = {
-            topics.START: session.start,
-            topics.PAUSE: lambda who: session.pause(monotonic(), who),
-            topics.RESET: session.reset,
-            topics.BRAKE: lambda who: session.brake(True, who),
-            topics.RELEASE_BRAKE: lambda who: session.brake(False, who),
-        }
+        # those that a fault may silence have ever sent a status
+        self._requests = Requests(session, lambda: status_monitor.counted)
         self._simulation = simulation_services(node, session, loop, self._started)
         self._starts: list[tuple[float, Future]] = []  # deadlines [wall s] of waiting clients
-        for name, act in self._actions.items():
+        for name, act in self._requests.actions.items():
             answer = self._on_start if name == topics.START else self._trigger(act)
             self._add_service(Trigger, name, answer)
         for kind, name, answer in (
             (srv.Operate, topics.OPERATE, self._on_operate),
-            (srv.Step, topics.STEP, self._on_step),
+            (srv.Step, topics.STEP, partial(self._on_request, topics.STEP)),
             (srv.SetRate, topics.SET_RATE, self._on_rate),
-            (srv.Note, topics.NOTE, self._on_note),
+            (srv.Note, topics.NOTE, partial(self._on_request, topics.NOTE)),
             (srv.ListControllers, topics.LIST_CONTROLLERS, self._on_list),
             (srv.InjectFault, topics.INJECT_FAULT, self._on_inject),
-            (srv.EndFault, topics.END_FAULT, self._on_end_fault),
-            (srv.Retarget, topics.RETARGET, self._on_retarget),
+            (srv.EndFault, topics.END_FAULT, partial(self._on_request, topics.END_FAULT)),
+            (srv.Retarget, topics.RETARGET, partial(self._on_request, topics.RETARGET)),
         ):
             self._add_service(kind, name, answer)
 
@@ -146,10 +141,7 @@ class Services:
         future = self._loop.future()
         self._starts.append((monotonic() + _START, future))
         await future
-        waiting = ", ".join(self._session.waiting_for)
-        if self._session.run.state != WAITING or not waiting:
-            return outcome
-        return Reply(f"{outcome.done} as soon as they are there: waiting for {waiting}")
+        return self._requests.with_missing(outcome)
 
     def _answer_starts(self, now: float) -> None:
         """Answer clients of a start that has happened, or that have waited long enough."""
@@ -166,29 +158,23 @@ class Services:
         return reply
 
     async def _on_operate(self, request: Any, reply: Any) -> Any:
-        act = self._actions.get(request.action)
-        if act is None:
-            rejection = Refusal(", ".join(self._actions), "action", request.action)
-            return self._done(reply, Reply(refused=rejection))
         if request.action == topics.START:
             return self._done(reply, await self._started(request.who))
-        return self._done(reply, act(request.who))
+        return self._on_request(topics.OPERATE, request, reply)
 
-    def _on_step(self, request: Any, reply: Any) -> Any:
-        outcome = self._session.step(request.ticks, request.who)
-        self._done(reply, outcome)
-        reply.tick += max(1, request.ticks) if outcome.ok else 0
-        return reply
+    def _on_request(self, name: str, request: Any, reply: Any) -> Any:
+        """Answer at once; see Requests."""
+        fields = {key: getattr(request, key) for key in request.get_fields_and_field_types()}
+        if "at" in fields:
+            fields["at"] = seconds_of(request.at)
+        return self._done(reply, self._requests.services[name](**fields))
 
     def _on_rate(self, request: Any, reply: Any) -> Any:
-        outcome = self._session.set_rate(request.rate_factor, monotonic(), request.who)
-        if outcome.ok:  # the parameter follows
+        self._on_request(topics.SET_RATE, request, reply)
+        if reply.ok:  # the parameter follows
             rate = Parameter("rate_factor", value=request.rate_factor)
             self._node.set_parameters([rate])
-        return self._done(reply, outcome)
-
-    def _on_note(self, request: Any, reply: Any) -> Any:
-        return self._done(reply, self._session.note(request.text, request.who))
+        return reply
 
     def _on_list(self, _: Any, reply: Any) -> Any:
         for name, status in sorted(self._status_monitor.counted.items()):
@@ -199,23 +185,12 @@ class Services:
         return reply
 
     def _on_inject(self, request: Any, reply: Any) -> Any:
-        tick = self._tick(request.at)
         try:
             text = requested_text(self._node, "fault", request.fault, request.values)
         except BadInput as error:
-            reply.message, reply.tick, reply.number = str(error), self._bench.tick, -1
-            return reply
-        here = sorted(self._status_monitor.counted)  # controllers that have ever sent a status
-        result = self._bench.inject(text, tick, request.who, here)
-        reply.number = result.number
-        return self._done(reply, result)
-
-    def _on_retarget(self, request: Any, reply: Any) -> Any:
-        tick = self._tick(request.at)
-        return self._done(reply, self._bench.retarget(request.target, tick, request.who))
-
-    def _tick(self, at: Time) -> int:
-        return requested_tick(seconds_of(at), self._bench.settings.period, self._bench.tick)
-
-    def _on_end_fault(self, request: Any, reply: Any) -> Any:
-        return self._done(reply, self._bench.end_fault(request.number, request.who))
+            outcome = Reply(refused=error.refusal)
+        else:
+            at = seconds_of(request.at)
+            outcome = self._requests.services[topics.INJECT_FAULT](text, at, request.who)
+        reply.number = outcome.number
+        return self._done(reply, outcome)

@@ -14,14 +14,16 @@ from flexslew_lab.studies.batch.groups.strikes import active_ticks
 from flexslew_lab.studies.flight import brake_reason
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial
+from flexslew_plant.bench.handover import Handover
+from flexslew_plant.bench.records import SwitchRequest
 from flexslew_plant.events import (
     AnswerMissing,
-    BrakeActivated,
     Event,
     Fact,
     FallbackActivated,
     FaultChanged,
     SwitchCompleted,
+    SwitchDropped,
     event_of,
 )
 from flexslew_plant.faults import Timed
@@ -32,8 +34,10 @@ from flexslew_plant.faults.commands import (
     CommandReordered,
     ControllerSilent,
 )
+from flexslew_plant.hardware.drive import Drive
 from flexslew_plant.refusal import Cause
 
+_NO_EFFORT = np.zeros(1)  # of a handover without a testbed
 _LOSS_FAULTS = (CommandLost, CommandLate, CommandReordered)  # what comes late counts as missed, too
 # all faults of answers: a duplicate changes nothing
 COMMAND_FAULTS: tuple[type[Any], ...] = (*_LOSS_FAULTS, ControllerSilent, CommandDuplicated)
@@ -58,83 +62,100 @@ def charge_of(
 ) -> Charge | Way:
     """Return which controller is active at which ticks; a way if only the bench can find it.
 
+    The handover of the bench finds it, at those ticks at which something happens to it.
+
     Args:
         trial: with switches and fallbacks.
         faults: of its schedule.
         estimate_loss: which controllers have no estimate when.
     """
     end = round(trial.duration / trial.period)
-    switch_events = [(round(e.at / trial.period), e.switch) for e in trial.schedule if e.switch]
-    pending = sorted((switch for switch in switch_events if switch[0] < end), key=lambda s: s[0])
-    phases, facts, last, failure = [(0, trial.active)], list[Fact](), None, ""
-    missing, failed = np.zeros(end, np.bool_), set[str]()  # silent since the last answer
-    loss_faults = [t for t in faults if isinstance(t.fault, (*_LOSS_FAULTS, ControllerSilent))]
-    lost = _lost([t for t in loss_faults if isinstance(t.fault, _LOSS_FAULTS)], trial.seed, end)
-    never = np.zeros(end, np.bool_)
-    while phases[-1][0] < end:
-        first, name = phases[-1]
-        until = pending[0][0] if pending else end
-        no_answer = missing[first:until]
-        no_answer[:] = (_lost_commands(lost, loss_faults, name) | estimate_loss.get(name, never))[
-            first:until
-        ]
-        count = _in_a_row(no_answer, trial.max_missed) if loss_faults or estimate_loss else None
-        if count is not None:
-            failed = {name} | (failed if no_answer[:count].all() else set())
-            without_estimate = {
-                one for one, when in estimate_loss.items() if when[first + count - 1]
-            }
-            candidates = (
-                candidate
-                for candidate in trial.fallback
-                if candidate not in failed | without_estimate
-            )
-            candidate = next(candidates, None)
-            no_answer[count:] = False
-            if candidate is None and pending:
-                return Way.BRAKE
-            if candidate is None:
-                last = first + count - trial.max_missed
-                not_ready = dict.fromkeys(without_estimate, str(NOT_FINITE))
-                failure = brake_reason(BrakeActivated("", name, Cause.NO_ANSWER), not_ready)
-                break
-            facts.append(FallbackActivated(candidate, name, Cause.NO_ANSWER))
-            phases.append((first + count, candidate))
-            continue
-        if not pending:
-            break
-        requested = [next_controller for tick, next_controller in pending if tick == until]
-        pending, next_controller = (
-            pending[len(requested) :],
-            requested[-1],
-        )  # the others never answer
-        if set(requested) == {name}:
-            continue
-        if first == until:  # nor does the heir
-            phases.pop()
-        previous = phases[-1][1] if phases else next_controller
-        if (
-            next_controller in (name, previous)
-            or _lost_commands(lost, loss_faults, next_controller)[until]
-        ):
-            return Way.SCHEDULE  # the one that goes on does so with a step
-        if any(estimate_loss.get(one, never)[until - 1 : until + 1].any() for one in requested):
+    silent = _silent_ticks(trial, faults, estimate_loss, end)
+    requests = [
+        SwitchRequest(entry.switch, round(entry.at / trial.period))
+        for entry in trial.schedule
+        if entry.switch and round(entry.at / trial.period) < end
+    ]
+    phases, facts, missing = list[tuple[int, str]](), list[Fact](), np.zeros(end, np.bool_)
+    drive = Drive(trial.active, trial.max_missed, _NO_EFFORT)
+    handover = Handover(drive, trial.fallback, facts.append)
+    handover.reset(requests)
+    tick = 0
+    while tick < end and drive.active:
+        before, known = phases[-1][1] if phases else "", len(facts)
+        _set_ready_status(handover, estimate_loss, max(tick - 1, 0))
+        outgoing = drive.active
+        handover.begin(tick)
+        _set_ready_status(handover, estimate_loss, tick)
+        active = drive.active
+        missing[tick] = silent[active][tick]
+        if any(map(_is_unready, facts[known:])) or (missing[tick] and active != outgoing):
             return Way.SCHEDULE  # it is not ready, or gives no answer
-        facts.append(SwitchCompleted(name, next_controller, 0.0))
-        phases.append((until, next_controller))
-    if missing.any():
-        facts.append(AnswerMissing(ticks=int(missing.sum())))
-    facts += [FaultChanged(True) for timed in faults if timed.start <= end]
+        if active != before:
+            phases.append((tick, active))
+        if missing[tick]:
+            handover.count_missing_answer()
+        else:
+            handover.answered(_NO_EFFORT, _NO_EFFORT)
+            drive.take(_NO_EFFORT)
+        switched = any(isinstance(fact, SwitchCompleted) for fact in facts[known:])
+        if switched and active in (outgoing, before or active):
+            return Way.SCHEDULE  # the one that goes on does so with a step
+        ahead = [request.tick for request in requests if request.tick > tick]
+        ahead += [tick + 1] if missing[tick] else _first(silent[active], tick + 1)
+        tick = min(ahead, default=end)
+    if not drive.active and handover.waiting:
+        return Way.BRAKE
+    last = None if drive.active else int(np.flatnonzero(missing)[-1]) + 1 - trial.max_missed
     until = end if last is None else last
+    counted: list[Fact] = [
+        SwitchCompleted(fact.from_, fact.to, 0.0) if isinstance(fact, SwitchCompleted) else fact
+        for fact in facts
+        if isinstance(fact, SwitchCompleted | FallbackActivated)
+    ]
+    if missing.any():
+        counted.append(AnswerMissing(ticks=int(missing.sum())))
+    counted += [FaultChanged(True) for timed in faults if timed.start <= end]
     return Charge(
         _segments(phases, estimate_loss, max(1, until)),
         missing if missing.any() else None,
-        tuple(event_of(fact, 0, 0.0, 0, "") for fact in facts),
+        tuple(event_of(fact, 0, 0.0, 0, "") for fact in counted),
         frozenset(name for name, when in estimate_loss.items() if when[:until].any()),
         _restarts(estimate_loss, until),
         last,
-        failure,
+        brake_reason(facts),
     )
+
+
+def _silent_ticks(
+    trial: Trial, faults: Sequence[Timed], estimate_loss: EstimateLoss, ticks: int
+) -> dict[str, NDArray[np.bool_]]:
+    """Return at which ticks each controller of a trial gives no answer that arrives."""
+    lost = np.zeros(ticks, np.bool_)
+    for timed in faults:
+        if isinstance(timed.fault, _LOSS_FAULTS):
+            lost |= active_ticks(timed, trial.seed, ticks)
+    silent = {name: lost | estimate_loss.get(name, lost) for name in trial.controllers}
+    for timed in faults:
+        if isinstance(timed.fault, ControllerSilent) and timed.fault.controller in silent:
+            silent[timed.fault.controller] |= active_ticks(timed, 0, ticks)
+    return silent
+
+
+def _set_ready_status(handover: Handover, estimate_loss: EstimateLoss, tick: int) -> None:
+    """Report to a handover which controllers have an estimate at a tick."""
+    for name, when in estimate_loss.items():
+        handover.set_ready_status(name, NOT_FINITE if when[tick] else None)
+
+
+def _is_unready(fact: Fact) -> bool:
+    """Return whether a switch did not take place because its controller had no estimate."""
+    return isinstance(fact, SwitchDropped) and fact.cause is Cause.NOT_READY
+
+
+def _first(when: NDArray[np.bool_], start: int) -> list[int]:
+    """Return the first tick from `start` on at which something is so; empty: none."""
+    return [start + int(tick) for tick in np.flatnonzero(when[start:])[:1]]
 
 
 def _segments(
@@ -159,32 +180,3 @@ def _restarts(estimate_loss: EstimateLoss, end: int) -> tuple[tuple[int, str], .
         for tick in np.flatnonzero(when[:end][:-1] & ~when[:end][1:])
     ]
     return tuple(sorted(found))
-
-
-def _lost(faults: Sequence[Timed], seed: int, ticks: int) -> NDArray[np.bool_]:
-    """Return at which ticks an answer is lost, of any controller."""
-    found = np.zeros(ticks, np.bool_)
-    for timed in faults:
-        found |= active_ticks(timed, seed, ticks)
-    return found
-
-
-def _lost_commands(
-    lost: NDArray[np.bool_], faults: Sequence[Timed], controller: str
-) -> NDArray[np.bool_]:
-    """Return at which ticks an answer of a controller is lost."""
-    found = lost.copy()
-    for timed in faults:
-        if isinstance(timed.fault, ControllerSilent) and timed.fault.controller == controller:
-            found |= active_ticks(timed, 0, lost.size)
-    return found
-
-
-def _in_a_row(no_answer: NDArray[np.bool_], most: int) -> int | None:
-    """Return how many ticks it takes until so many are missed in a row; None: they never are."""
-    ticks = np.flatnonzero(no_answer)
-    if ticks.size < most:
-        return None
-    ends = ticks[most - 1 :]
-    whole = np.flatnonzero(ends - ticks[: ends.size] == most - 1)
-    return int(ends[whole[0]]) + 1 if whole.size else None

@@ -87,11 +87,11 @@ class Rows(NamedTuple):
     squares: int  # of innovations over their variances, added up in a window
     deflection: int  # a tip's deflection at this tick
     full: int  # last time at which a drive was at its limit
-    residual_tip: int  # from here on: what the metrics count
-    peak_tip: int
+    residual_tip: int  # from here on: what the metrics accumulate, see flexslew_lab/metrics
     residual: int
     limit_excess: int
     outside: int  # last time outside of the band
+    peak_tip: int
     terminal: int
     peak_effort: int
     square_sum: int
@@ -107,6 +107,6 @@ def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
     law = (read, read, 2 * seen, seen, products, taken, taken, m, m, m, n, n, n, n)  # to kd
     check_rows = read * sizes.quantised, int(sizes.doubtful), sizes.monitored
     drives = (tip, m, m, m, n, m, m, m, 5, 2 * m, read, *check_rows)  # to squares
-    measured = (1, 1, 1, 1, m, m, m, 1, m, m, 1)  # to saturated
+    measured = (1, 1, 1, m, m, m, 1, 1, m, m, 1)  # to saturated
     counts = (m, m, m * sizes.has_faults, *law, *drives, *measured, tip)
     return Rows(*(kernel_size + BATCH_WIDTH * sum(counts[:k]) for k in range(len(counts) + 1)))
