@@ -140,6 +140,8 @@ def _tick(rest: Rest, path: PlantPath) -> tuple[Matrix, Matrix]:
         rest: of n coordinates.
         path: with period and steps of a tick.
     """
+    if rest.model.kernels.advance is not None:
+        return rest.model.held_maps(path.period)
     model, x, t, h = rest.model, rest.state, rest.time, path.period / path.steps
     steady = np.hstack(linear_matrices(rest))
     drift = model.derivative(x, rest.effort, t)

@@ -91,7 +91,7 @@ class Slew:
         Raises:
             BadInput: the period is too long for the model's fastest mode.
         """
-        poles = self.model.linearise(self.model.rest(self.named(self.start))).eigenvalues
+        poles = self.model.integrated_poles(self.model.rest(self.named(self.start)))
         return steps_per_tick(poles, self.period)
 
     def motors(self, period: float) -> Lti:

@@ -42,7 +42,7 @@ def integration_of(
     Raises:
         BadInput: the period is too long for the fastest mode.
     """
-    poles = model.linearise(q).eigenvalues
+    poles = model.integrated_poles(q)
     steps = steps_per_tick(poles, period, duration) if given is None else given
     max_frequency = float(abs(poles).max(initial=0.0))
     if max_frequency * period <= COARSE * (1.0 + 1e-9):

@@ -29,7 +29,7 @@ from flexslew_plant.entries import table, union
 from flexslew_plant.errors import BadInput
 from flexslew_plant.keys.refused_keys import SectionError
 from flexslew_plant.known_joints import unknown_joint
-from flexslew_plant.own_code import NO_CODE, Trust, find_class
+from flexslew_plant.own_code import NO_CODE, Trust, find_class, require_file
 from flexslew_plant.settings import plain, validated
 from flexslew_plant.testbeds.contract import Testbed as Testbed
 from flexslew_plant.testbeds.entry import TestbedEntry as TestbedEntry
@@ -53,6 +53,7 @@ from flexslew_plant.testbeds.csa.testbed import CSA as CSA
 from flexslew_plant.testbeds.floating_oscillator import OSCILLATOR as OSCILLATOR
 from flexslew_plant.testbeds.hub_with_appendages import HUB as HUB
 from flexslew_plant.testbeds.identified import IDENTIFIED as IDENTIFIED
+from flexslew_plant.testbeds.linear.testbed import LINEAR_PLANT as LINEAR_PLANT
 from flexslew_plant.testbeds.spacecraft.testbed import SPACECRAFT as SPACECRAFT
 from flexslew_plant.testbeds.varying_oscillator import VARYING as VARYING
 
@@ -91,6 +92,30 @@ def _for_all(kind: type[Any], values: dict[str, Any]) -> dict[str, Any]:
     field = getattr(kind, "__dataclass_fields__", {}).get("effort_limit")
     count = len(field.default) if field is not None and isinstance(field.default, tuple) else 1
     return {**values, "effort_limit": [limit] * count}
+
+
+def _with_file(values: Any, info: ValidationInfo) -> Any:
+    """Return a section with what its `file` holds in place of the file's name.
+
+    So a log holds all that flew, and is flown again without the file.
+    """
+    entry = TESTBEDS.get(_kind(values))
+    if entry is None or entry.from_file is None or "file" not in values:
+        return values
+    path = values["file"]
+    if not isinstance(path, str) or not path:
+        raise ValueError("file: give the path of a file")
+    try:
+        require_file(info.context or NO_CODE, path, "testbed: file")
+        given = entry.from_file(path, "testbed")
+    except BadInput as error:
+        raise ValueError(str(error)) from error  # in which `validated` finds an Untrusted
+    for key, part in given.items():
+        beside = values.get(key, {})
+        if not isinstance(beside, dict):
+            raise ValueError(f"{key}: give its keys, or leave it to the file")
+        given[key] = {**part, **beside}
+    return {**{key: value for key, value in values.items() if key != "file"}, **given}
 
 
 _NEEDED = ("effort_limit", "model", "modes", "scene")  # of contract.Testbed
@@ -151,6 +176,7 @@ else:
         ),
         Discriminator(_kind),
         BeforeValidator(_limited),
+        BeforeValidator(_with_file),
         AfterValidator(_known_joints),
     ]
 

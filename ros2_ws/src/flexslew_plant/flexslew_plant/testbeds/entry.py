@@ -1,6 +1,6 @@
 """The entry of a testbed in the table of testbeds."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,10 +15,13 @@ class TestbedEntry:
         settings: its section, which keeps the contract of a Testbed; the default of `kind` is its
             name.
         example: keys of one with damped modes, where `damping_ratio` does not give them.
+        from_file: returns keys that a file holds, from its path and the source for errors; the key
+            `file` names it. None: there is no such file.
     """
 
     settings: type[Any]
     example: Mapping[str, Any] = field(default_factory=dict)
+    from_file: Callable[[str, str], dict[str, Any]] | None = None
 
     @property
     def name(self) -> str:

@@ -29,6 +29,7 @@ _READ = {
     "reading": 2,
     "acceleration": 4,
     "next_jump": 2,
+    "advance": 4,
 }
 _KNOWN: dict[str, "Kernels"] = {}  # by token, for Numba's compiler and for its files
 
@@ -55,10 +56,12 @@ class Kernels:
         from the terms: the same but for rounding, and for members alone.
     next_jump(p, t): returns the first time after t at which an acceleration that is a function of
         time jumps, infinity where none does [s]; no step goes across. Left out, none does.
+    advance(p, t, effort, dt, x): replaces x by the state dt later with the effort held: the exact
+        solution of linear equations. Left out, x is integrated by steps of order 8.
 
     Args:
         terms, residual_jacobian, potential, actuation, kinematics, reading, acceleration,
-            next_jump: as above.
+            next_jump, advance: as above.
         full_mass: whether terms writes the whole mass matrix.
         extra_positions: how many entries q has more than v (a quaternion: 1); needs kinematics.
         any_size: whether they are compiled once for all sizes of a state rather than for each: for
@@ -75,6 +78,7 @@ class Kernels:
     reading: Callable[..., None] | None = None
     acceleration: Callable[..., None] | None = None
     next_jump: Callable[..., float] | None = None
+    advance: Callable[..., None] | None = None
     full_mass: bool = False
     extra_positions: int = 0
     any_size: bool = False

@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
@@ -386,8 +387,34 @@ class Model:
             of the ends by the begins, (k, size, size), and by the efforts, (k, size, actuators).
         """
         which = np.arange(states.shape[1]) if columns is None else columns
+        if self.kernels.advance is not None:
+            return self._exact_slopes(durations, which)
         given = states, effort, durations, steps, which, *self._sizes
         return slopes_of_pieces(self._bound, self.packed, *given)
+
+    def _exact_slopes(self, durations: Vector, columns: Indices) -> tuple[Tensor, Tensor]:
+        """Return slopes_of_pieces of equations with an exact solution, which is linear."""
+        pieces, which = np.unique(durations, return_inverse=True)
+        maps = [self.held_maps(float(duration)) for duration in pieces]
+        by_state = np.array([maps[k][0][:, columns] for k in which])
+        return by_state, np.array([maps[k][1] for k in which])
+
+    def held_maps(self, dt: float) -> tuple[Matrix, Matrix]:
+        """Return F, (2 n, 2 n), and G, (2 n, actuators), of x(dt) = F x + G u with u held.
+
+        Of equations with an exact solution, which is linear: see Kernels.advance.
+        """
+        size = self.positions + self.coordinates
+        still, rest = np.zeros(self.efforts), np.zeros(size)
+        by_state = [self.advance(one, still, dt) for one in np.eye(size)]
+        by_effort = [self.advance(rest, one, dt) for one in np.eye(self.efforts)]
+        return np.array(by_state).T, np.array(by_effort).T
+
+    def integrated_poles(self, q: Vector) -> NDArray[np.complex128]:
+        """Return the poles at rest that integration steps follow [1/s]; none of exact solutions."""
+        if self.kernels.advance is not None:
+            return np.zeros(0, dtype=np.complex128)
+        return self.linearise(q).eigenvalues
 
     @property
     def _sizes(self) -> tuple[int, int]:

@@ -258,7 +258,7 @@ def _require_stable(settings: LinearSettings, plant: PlantDescription, system: L
     testbed = design_testbed(plant.testbed, settings.model, "model")
     point = settings.operating_point
     rest = rest_of(testbed, plant.testbed.operating_point if point is None else point)
-    poles = rest.model.linearise(rest.q).eigenvalues
+    poles = rest.model.integrated_poles(rest.q)
     steps = steps_per_tick(poles, plant.period)
     seen = sampled_plant(rest, PlantPath(plant.period, steps=steps), applied=True)
     shared = [name for name in system.inputs if name in seen.outputs or "reference" in name]

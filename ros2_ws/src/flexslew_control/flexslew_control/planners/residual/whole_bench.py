@@ -180,7 +180,7 @@ def simulate_on_bench(
         x = initial_state(bench)
     sensors = Sensors(SensorSettings(), model, plan.period)
     last = before + int(np.ceil(plan.duration / plan.period - 1e-9))
-    poles = model.linearise(rest).eigenvalues
+    poles = model.integrated_poles(rest)
     steps = steps_per_tick(poles, plan.period, plan.duration + MIN_MONITOR_TIME)
     effort = np.zeros(limit.size)
     motors = motors or at_once(limit.size)

@@ -78,6 +78,8 @@ def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
     ) -> None:
         dynamics.take_steps(kernels, p, t, effort, dt / steps, steps, n, m, x)
 
+    if kernels.advance is not None:
+        return _of_joints(kernels, m)
     return _of_joints(kernels, m)._replace(advance=_in_parts(kernels, advance))
 
 
@@ -164,6 +166,16 @@ def rates_of(kernels: Kernels, m: int) -> Rates:
 @cache
 def _advance(kernels: Kernels) -> Callable[..., None]:
     """Return the integration of a state of any size; m: entries of v before the modes."""
+    solution = kernels.compiled.get("advance")
+    if solution is not None:
+
+        @compiled_once("x")
+        def advance_exactly(
+            p: Vector, t: float, effort: Vector, dt: float, steps: int, m: int, x: Vector
+        ) -> None:
+            solution(p, t, effort, dt, x)
+
+        return advance_exactly
 
     @compiled_once("x")
     def advance(

@@ -41,7 +41,10 @@ def batch_steps(models: Sequence[Model], periods: Sequence[float]) -> list[Batch
 def _of_one_kind(models: Sequence[Model], periods: Sequence[float]) -> Sequence[BatchSteps | None]:
     packed, bound = np.array([model.packed for model in models]), models[0].highest_frequency
     try:
-        traced = traced_kernels(models, packed, bound is not None)
+        exact = models[0].kernels.advance is not None
+        traced = (
+            [None] * len(models) if exact else traced_kernels(models, packed, bound is not None)
+        )
         kernels = [
             kernel or scalar_kernel(model) for kernel, model in zip(traced, models, strict=True)
         ]
