@@ -298,7 +298,11 @@ def make_plan(
             f"more than {_MOST_TICKS:,} ticks of {period:g} s", "plan", "duration", duration
         )
     settings = _by_joint(settings, plant)
-    make = planner_of(settings).make
+    entry = planner_of(settings)
+    if entry.feedforward and not plant.testbed.model().has_efforts_in_joints:
+        words = "computes efforts in the joints, and here they act elsewhere, too; take reference"
+        raise PlanFailed(f"{settings.method}: {words}")
+    make = entry.make
     if isinstance(make, SlewPlanner):
         make = replace(make, has_prediction=predict)
     try:

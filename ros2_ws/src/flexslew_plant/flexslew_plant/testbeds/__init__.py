@@ -100,7 +100,9 @@ def _with_file(values: Any, info: ValidationInfo) -> Any:
     So a log holds all that flew, and is flown again without the file.
     """
     entry = TESTBEDS.get(_kind(values))
-    if entry is None or entry.from_file is None or "file" not in values:
+    if entry is None or entry.from_file is None or not isinstance(values, dict):
+        return values
+    if "file" not in values:
         return values
     path = values["file"]
     if not isinstance(path, str) or not path:

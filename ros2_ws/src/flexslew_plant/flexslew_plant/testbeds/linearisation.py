@@ -1,6 +1,6 @@
 """Small motions of a testbed about a rest."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ class Linearisation:
     damping: Matrix  # (n, n)
     stiffness: Matrix  # (n, n)
     input_matrix: Matrix  # (n, joints)
+    # rows that read the joints, (joints, n); None: the transpose of B, of efforts in the joints
+    reading: Matrix | None = field(default=None, kw_only=True)
 
     @property
     def state_matrix(self) -> Matrix:
@@ -33,13 +35,15 @@ class Linearisation:
         )
 
     def with_feedback(self, kp: Vector, kd: Vector) -> "Linearisation":
-        """Return the loop closed by collocated PD (12), (13): Kp added to K, Kd to D."""
+        """Return the loop closed by PD of the joints (12), (13): Kp added to K, Kd to D."""
         b = self.input_matrix
+        c = b.T if self.reading is None else self.reading
         return Linearisation(
             self.mass,
-            self.damping + b @ np.diag(kd) @ b.T,
-            self.stiffness + b @ np.diag(kp) @ b.T,
+            self.damping + b @ np.diag(kd) @ c,
+            self.stiffness + b @ np.diag(kp) @ c,
             b,
+            reading=self.reading,
         )
 
     @property

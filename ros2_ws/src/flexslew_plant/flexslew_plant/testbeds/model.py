@@ -152,6 +152,11 @@ class Model:
         """How many entries q has: n, or one more for each unit quaternion."""
         return self.coordinates + self.kernels.extra_positions
 
+    @property
+    def has_efforts_in_joints(self) -> bool:
+        """Whether an effort does work along what its joint reads alone, as a motor in it does."""
+        return self.leading is not None or self.kernels.actuation is None
+
     @cached_property
     def resolved_motors(self) -> Motors:
         """The motors in joints and wheels; none of other actuators."""
@@ -582,7 +587,9 @@ class Model:
         stiffness, damping = self.residual_slopes(self._join_state(q, zero_rates), zero_rates, t)
         if self.kernels.extra_positions:  # by motions along v
             stiffness = stiffness @ self.position_rates(q, t)
-        return Linearisation(self.mass_matrix(q, t), damping, stiffness, self.input_matrix(q, t))
+        reading = None if self.has_efforts_in_joints else np.eye(self.joints, self.coordinates)
+        mass, b = self.mass_matrix(q, t), self.input_matrix(q, t)
+        return Linearisation(mass, damping, stiffness, b, reading=reading)
 
 
 def _shape(given: object) -> str:

@@ -7,12 +7,13 @@ rigid motion: x' = v, v' = 0), which no diagonal form has; they stay together in
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import eig, schur, solve_sylvester
+from scipy.linalg import eig, matrix_balance, schur, solve_sylvester
 
 from flexslew_plant.arrays import Matrix, Vector
 
 _SLOW = 1e-6  # of the fastest pole: what a double pole at zero is computed as
 _LARGEST_CONDITION = 1e6  # of eigenvectors, above which poles stay in one block
+_MOST_DOUBLINGS = 8  # of a scale
 
 
 class Blocks(NamedTuple):
@@ -27,12 +28,22 @@ class Blocks(NamedTuple):
 
 def blocks(a: Matrix) -> Blocks:
     """Return the blocks of a matrix; those of one with nearly equal eigenvectors are one."""
-    found = _separated(a)
-    condition = np.linalg.cond(found.right) if len(a) else 1.0
-    if condition <= _LARGEST_CONDITION:
-        return found
-    eye = np.eye(len(a))
-    return Blocks(a, np.zeros(0), np.zeros(0), eye, eye)
+    scaled, scale = balanced(a)
+    found = _separated(scaled)
+    if np.linalg.cond(found.right) > _LARGEST_CONDITION:
+        found = Blocks(scaled, np.zeros(0), np.zeros(0), np.eye(len(a)), np.eye(len(a)))
+    return found._replace(left=found.left / scale, right=scale[:, None] * found.right)
+
+
+def balanced(a: Matrix) -> tuple[Matrix, Vector]:
+    """Return S^-1 a S of rows and columns of like size, and the diagonal of S.
+
+    S is limited: a rigid motion with zeros that rounding has left its traces in has no balance.
+    """
+    _, (scale, _) = matrix_balance(a, permute=False, separate=True)
+    power = np.log2(scale)
+    scale = 2.0 ** np.clip(np.round(power - np.median(power)), -_MOST_DOUBLINGS, _MOST_DOUBLINGS)
+    return a / scale[:, None] * scale, scale
 
 
 def _separated(a: Matrix) -> Blocks:

@@ -3,12 +3,13 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import expm, logm, matrix_balance
+from scipy.linalg import expm, logm
 
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.near_names import spelling_hint
 from flexslew_plant.state_space import StateSpace, matrices
+from flexslew_plant.testbeds.linear.blocks import balanced
 
 OUTPUTS = ("position", "rate", "tip", "curvature")  # kinds of outputs, before a dot and a name
 _LARGEST = 600  # states
@@ -49,8 +50,8 @@ def plant_of(system: StateSpace) -> Plant:
         )
     if system.period:
         a, b = _continuous(a, b, system.period)
-    a, scale = matrix_balance(a, permute=False, separate=True)
-    b, c = b / scale[0][:, None], c * scale[0]
+    a, scale = balanced(a)
+    b, c = b / scale[:, None], c * scale
     rows = dict(zip(outputs, c, strict=True))
     a, b, rows = _with_positions(a, b, rows, joints)
     if len(a) % 2:  # one more state, which nothing moves or reads
