@@ -56,7 +56,7 @@ def with_law(values: dict[str, Any], law: Given) -> dict[str, Any]:
             words = "a class with update(measurement, estimate, reference) is needed"
             raise BadInput(f"law: {law.__name__} is not allowed: {words}")
         name, settings = law.__name__, {"law": _named(law)}
-    elif _is_system(law):
+    elif is_system(law):
         name, settings = LINEAR.name, _linear(others.get(LINEAR.name) or {}, law)
     elif callable(law):
         _require_two_arguments(law)
@@ -75,9 +75,9 @@ def _stored_class(key: Hashable, make: Callable[[], type[Any]]) -> type[Any]:
     return found if found is not None else _CLASSES.setdefault(key, make())
 
 
-def _is_system(law: Any) -> bool:
-    """Return whether a law is an object of python-control; all of them can be called."""
-    return any(kind.__module__.partition(".")[0] == "control" for kind in type(law).__mro__)
+def is_system(given: Any) -> bool:
+    """Return whether an object is one of python-control; all of them can be called."""
+    return any(kind.__module__.partition(".")[0] == "control" for kind in type(given).__mro__)
 
 
 def _linear(before: dict[str, Any], system: Any) -> dict[str, Any]:

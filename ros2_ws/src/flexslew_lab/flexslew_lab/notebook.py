@@ -23,10 +23,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from yaml.representer import RepresenterError
 
+from flexslew_control.analysis.save_law import law_of_system
 from flexslew_control.law import WrongShape
 from flexslew_control.plan import Plan
 from flexslew_lab.flight import Flight as Flight
-from flexslew_lab.given_objects import MODULE, Given, with_law, with_plan
+from flexslew_lab.given_objects import MODULE, Given, is_system, with_law, with_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_from, user_keys_of
 from flexslew_lab.named import BySignal, Named
@@ -187,9 +188,14 @@ def trial_from(what: What) -> Trial:
 
 
 def plain_data(value: Any) -> Any:
-    """Return a value as YAML holds it: arrays of NumPy, pandas and xarray, sections of a Trial."""
+    """Return a value as YAML holds it: arrays of NumPy, pandas and xarray, sections of a Trial.
+
+    A system of python-control becomes the keys of a `system`.
+    """
     if is_section(value):
         return plain(value)
+    if is_system(value):
+        return law_of_system(value, "system")
     if isinstance(value, Mapping):
         return {str(key): plain_data(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple | range):
