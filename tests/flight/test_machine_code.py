@@ -32,6 +32,7 @@ MODES = {
     "varying_oscillator": [0],
     "hub_with_appendages": [1],
     "identified": [1],
+    "linear": [1],
 }
 NEED_A_PLAN = {"planned_gains"}  # which call no machine code
 SPACECRAFT = ["own_spacecraft", "scole_full", "observatory"]

@@ -39,6 +39,7 @@ from flexslew_control.planners.slewing import SlewPlanner
 from flexslew_control.planners.trajectories import Profile, rest_to_rest
 from flexslew_control.shared_keys import DesignModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import PlanFailed
 from flexslew_plant.settings import Positive, section
 from flexslew_plant.testbeds.model import Model
 
@@ -187,6 +188,8 @@ def with_nominal_reference(
 
 
 def _check_saturation(model: Model, peak: Vector, limit: Vector) -> None:
+    if not np.isfinite(peak).all():
+        raise PlanFailed("modes are too fast for a tick; plan with a `model` of fewer modes")
     for name, needed, allowed in zip(model.joint_names, peak, limit, strict=True):
         if not needed <= allowed:
             raise ExcessTorque(

@@ -40,7 +40,8 @@ def balanced(a: Matrix) -> tuple[Matrix, Vector]:
 
     S is limited: a rigid motion with zeros that rounding has left its traces in has no balance.
     """
-    _, (scale, _) = matrix_balance(a, permute=False, separate=True)
+    with np.errstate(invalid="ignore"):  # SciPy takes the scale for places, too
+        _, (scale, _) = matrix_balance(a, permute=False, separate=True)
     power = np.log2(scale)
     scale = 2.0 ** np.clip(np.round(power - np.median(power)), -_MOST_DOUBLINGS, _MOST_DOUBLINGS)
     return a / scale[:, None] * scale, scale

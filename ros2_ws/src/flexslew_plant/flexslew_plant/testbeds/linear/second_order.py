@@ -112,6 +112,8 @@ def _masses(mobility: Matrix, m: int) -> tuple[Matrix, Matrix]:
 
 def _modes(held: Matrix) -> Matrix | None:
     """Return the rows of the modes with the joints held, of rising frequency; None: none exist."""
+    if not len(held):
+        return held
     values, left = eig(held.T)
     size = float(np.abs(values).max(initial=0.0))
     if np.abs(values.imag).max(initial=0.0) > _REAL * size or np.linalg.cond(left.real) > _REGULAR:

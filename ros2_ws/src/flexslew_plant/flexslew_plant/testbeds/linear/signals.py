@@ -17,7 +17,7 @@ _SAME = 1e-8  # of its size: what rounding leaves of a zero
 _LOGARITHM = 1e-8  # of a sampled system, by which its continuous one may miss it at a sample
 
 
-class Plant(NamedTuple):
+class PlantMatrices(NamedTuple):
     """x' = A x + B u with balanced states of an even number."""
 
     a: Matrix
@@ -29,19 +29,19 @@ class Plant(NamedTuple):
     curvature: Matrix  # (appendages, states)
 
 
-def plant_of(system: StateSpace) -> Plant:
+def plant_of(system: StateSpace) -> PlantMatrices:
     """Return the plant that a system describes.
 
     Raises:
         BadInput: a shape, a name or an output does not fit; see docs/linear_plant.md.
     """
+    if not system.a:
+        raise BadInput("system.a: a plant has states; give A, B and C")
     joints, outputs = _names(system)
     if len(system.a) > _LARGEST:
         words = f"system.a: {len(system.a)} states; at most {_LARGEST} fly: reduce the model"
         raise BadInput(words)
     a, b, c, d = matrices(system, len(joints), len(outputs))
-    if not len(a):
-        raise BadInput("system.a: a plant has states; give A, B and C")
     if d.any():
         k = int(np.abs(d).max(axis=1).argmax())
         raise BadInput(
@@ -66,7 +66,7 @@ def plant_of(system: StateSpace) -> Plant:
         for kind in OUTPUTS[2:]
     )
     position = np.array([rows["position", joint] for joint in joints])
-    return Plant(a, b, joints, position, appendages, tip, curvature)
+    return PlantMatrices(a, b, joints, position, appendages, tip, curvature)
 
 
 def _names(system: StateSpace) -> tuple[tuple[str, ...], list[tuple[str, str]]]:
@@ -135,7 +135,7 @@ def _continuous(a: Matrix, b: Matrix, period: float) -> tuple[Matrix, Matrix]:
     found = logm(held) if not negative.any() else np.full(held.shape, np.nan)
     missed = np.abs(expm(found.real) - held).max() if np.isfinite(found).all() else np.inf
     if not missed <= _LOGARITHM * max(1.0, np.abs(held).max()):
-        pole = float(values[negative].real.min()) if negative.any() else 0.0
+        pole = float(values[negative].real.min(initial=0.0)) + 0.0  # no -0
         why = f"its pole z = {pole:.3g}" if negative.any() else "its poles are too close"
         raise BadInput(
             f"system.period: no continuous plant has these samples: {why}; give a continuous system"
