@@ -186,3 +186,46 @@ def test_efforts_beside_the_joints_are_flown_and_not_planned_for() -> None:
     )
     with pytest.raises(PlanFailed, match="efforts in the joints, and here they act elsewhere, too"):
         fs.plan(trial(values))
+
+
+def test_a_study_of_its_stiffness_flies_in_batches_what_the_bench_flies(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    import pyarrow.parquet as pq
+
+    plan = {"method": "input_shaping", "goal": {"hub": 0.3}}
+    found = fs.study(
+        {
+            "study": "stiffness",
+            "trial": keys(plan=plan, duration=30.0),
+            "sampling": {"method": "grid", "n": 3},
+            "vary": {"testbed.stiffness": {"uniform": [0.5, 2.0]}},
+            "replan": False,
+            "keep": {"bags": "none"},
+        },
+        tmp_path / "study",
+    )
+    assert found["trials"] == 3
+    assert found["failed"] == 0
+    table = pq.read_table(tmp_path / "study/table.parquet").to_pydict()
+    factors = next(v for k, v in table.items() if k.endswith("testbed.stiffness"))
+    residuals = table["residual_tip_deflection"]
+    made = fs.plan(trial(keys(plan=plan, duration=30.0)))
+    for factor, residual in zip(factors, residuals, strict=True):
+        stiff = {"kind": "linear", "system": SYSTEM, "stiffness": factor}
+        flight = fly(trial(keys(testbed=stiff, duration=30.0), plan=made))
+        assert flight.metrics["residual_tip_deflection"] == pytest.approx(residual, rel=1e-6)
+
+
+def test_a_shaken_plant_gives_its_modes_and_inertia_back(tmp_path: Path) -> None:
+    values = keys(
+        plan={"method": "excitation", "band": [0.5, 12.0], "largest_excursion": [0.05],
+              "duration": 300.0},
+        duration=305.0,
+        sensors={"joint_position": {"noise": 1e-5}, "joint_velocity": {"noise": 1e-5},
+                 "tip_deflection": {"noise": 1e-5}},
+    )  # fmt: skip
+    fly(trial(values), tmp_path / "shaken")
+    found = fs.identify(tmp_path / "shaken")
+    modes = found.model.modes
+    assert [mode.frequency.value for mode in modes] == pytest.approx([2.0, 5.0, 9.0], rel=1e-3)
+    assert [mode.damping_ratio.value for mode in modes] == pytest.approx([0.01] * 3, rel=0.02)
