@@ -20,9 +20,12 @@ class StateSpace:
     c: Rows = ()  # C
     d: Rows | None = None  # D; null: zero
     period: NonNegative = 0.0  # Ts [s], of the samples; 0: continuous
-    # signals; none: of a law `error.JOINT` of every joint, then `error_rate.JOINT`
+    # signals; none: of a law `error.JOINT` of every joint, then `error_rate.JOINT`; of a plant
+    # `effort.joint_1`, `effort.joint_2`, ...
     inputs: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ()  # `effort.JOINT` of a law; none: every joint
+    # none: of a law `effort.JOINT` of every joint; of a plant `position.JOINT` of every joint, then
+    # `rate.JOINT`
+    outputs: tuple[str, ...] = ()
 
 
 def matrices(given: StateSpace, k: int, m: int) -> tuple[Matrix, Matrix, Matrix, Matrix]:

@@ -18,6 +18,7 @@ from flexslew_plant.state_space import StateSpace
 from flexslew_plant.system_file import system_from_file
 from flexslew_plant.testbeds.contract import require_no_payload
 from flexslew_plant.testbeds.entry import TestbedEntry
+from flexslew_plant.testbeds.initial_motion import InitialMotion
 from flexslew_plant.testbeds.linear.motion import (
     ANYWHERE,
     IN_JOINTS,
@@ -67,6 +68,7 @@ class LinearTestbed:
     stiffness: Positive = 1.0  # factor of all stiffness, damping ratios kept [-]
     # joint positions at the start, by name [rad or m]; others 0
     initial: dict[str, float] = Field(default_factory=dict)
+    initial_motion: InitialMotion | None = None  # rates and deflections at the start; null: at rest
     effort_limit: tuple[Positive, ...] = (10.0,)  # of each input [N m or N]
 
     operating_point: ClassVar[dict[str, float]] = {}
