@@ -60,7 +60,7 @@ def drawn_plant(
 ) -> ModalPlant:
     """Return a plant with frequencies drawn from a band, even on a logarithmic scale [rad/s]."""
     rng = np.random.default_rng(seed)
-    frequencies = np.exp(np.sort(rng.uniform(*np.log(band), modes)))
+    frequencies = np.exp(np.sort(rng.uniform(np.log(band[0]), np.log(band[1]), modes)))
     frequencies[:rigid] = 0.0
     return modal_plant(frequencies, rng.standard_normal((modes, joints)))
 

@@ -29,8 +29,8 @@ def test_the_blocks_of_any_matrix_make_it_again(seed: int) -> None:
 
 def test_rigid_motions_and_real_poles_are_one_block() -> None:
     rng = np.random.default_rng(5)
-    a = block_diag([[0.0, 1.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]], [[0.0, 1.0], [-9.0, -0.1]],
-                   [[-2.0]])  # fmt: skip
+    free, mode = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0, 1.0], [-9.0, -0.1]])
+    a = block_diag(free, free, mode, np.array([[-2.0]]))
     turned, _ = np.linalg.qr(rng.standard_normal(a.shape))
     parts = blocks(turned @ a @ turned.T)
     assert parts.first.shape == (5, 5)

@@ -52,7 +52,7 @@ def test_a_tick_is_the_exponential_of_the_whole_matrix(period: float) -> None:
 def test_the_sizes_of_public_benchmarks_move_as_their_modes_do(
     size: Any, rigid: int, period: float
 ) -> None:
-    plant = drawn_plant(*size, rigid)
+    plant = drawn_plant(size[0], size[1], size[2], rigid=rigid)
     model = model_of(plant.keys(size[1]))
     assert model.coordinates == size[0]
     assert flown(model, plant, period) < 1e-9
@@ -69,7 +69,8 @@ def test_efforts_that_push_beside_the_joints_move_them_as_given() -> None:
 
 def test_poles_that_no_pair_has_are_integrated_as_well() -> None:
     """A spring with two dampers: real poles of 1 and 900 1/s beside a mode, and a chain."""
-    a = block_diag([[0.0, 1.0], [-900.0, -901.0]], [[0.0, 1.0], [-4.0, -0.1]], [[0.0, 1.0], [0, 0]])
+    pairs = ([-900.0, -901.0], [-4.0, -0.1], [0.0, 0.0])
+    a = block_diag(*(np.array([[0.0, 1.0], pair]) for pair in pairs))
     b, c = np.array([[0.0, 0.5, 0.0, 1.0, 0.0, 0.1]]).T, np.array([[0.5, 0.0, 1.0, 0.0, 0.1, 0.0]])
     keys = {"kind": "linear", "system": {"a": a.tolist(), "b": b.tolist(), "c": c.tolist()}}
     model, whole = model_of(keys), expm(np.block([[a, b], [np.zeros((1, 7))]]) * 0.02)

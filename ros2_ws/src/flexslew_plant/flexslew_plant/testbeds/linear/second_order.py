@@ -91,7 +91,8 @@ def second_order(a: Matrix, b: Matrix, position: Matrix, others: Matrix) -> Seco
 def _accelerations(a: Matrix, b: Matrix, rows: Matrix) -> tuple[Matrix, Matrix, Matrix]:
     """Return K', D' and B' of q'' = -K' q - D' q' + B' u."""
     rates = rows @ a
-    slopes = -np.linalg.solve(np.vstack((rows, rates)).T, (rates @ a).T).T
+    found = np.linalg.solve(np.vstack((rows, rates)).T, (rates @ a).T).T
+    slopes = -np.asarray(found, dtype=np.float64)
     n = len(rows)
     return slopes[:, :n], slopes[:, n:], rates @ b
 

@@ -94,10 +94,10 @@ def _names(system: StateSpace) -> tuple[tuple[str, ...], list[tuple[str, str]]]:
                 "curvature.APPENDAGE"
             )
         outputs.append((kind, of))
-    for names, key in ((joints, "inputs"), (outputs, "outputs")):
+    dotted = [".".join(output) for output in outputs]
+    for names, key in ((list(joints), "inputs"), (dotted, "outputs")):
         if twice := [one for one in names if names.count(one) > 1]:
-            name = twice[0] if isinstance(twice[0], str) else ".".join(twice[0])
-            raise BadInput(f"system.{key}: {name} is there twice; give each signal one name")
+            raise BadInput(f"system.{key}: {twice[0]} is there twice; give each signal one name")
     unseen = [one for one in joints if not {("position", one), ("rate", one)} & set(outputs)]
     if unseen or not joints:
         name = unseen[0] if unseen else "JOINT"
@@ -170,9 +170,9 @@ def _with_positions(
     for joint in (one for one in joints if ("position", one) not in rows):
         rate = rows["rate", joint]
         target = np.append(rate, np.zeros(b.shape[1]))
-        row = np.linalg.lstsq(np.hstack((a, b)).T, target, rcond=None)[0]
-        if _is_small(row @ np.hstack((a, b)) - target, rate, np.eye(1)):
-            rows["position", joint] = row
+        integral = np.asarray(np.linalg.lstsq(np.hstack((a, b)).T, target)[0], np.float64)
+        if _is_small(integral @ np.hstack((a, b)) - target, rate, np.eye(1)):
+            rows["position", joint] = integral
             continue
         n = len(a)  # no state is its integral: one more
         a = np.block([[a, np.zeros((n, 1))], [rate, np.zeros((1, 1))]])

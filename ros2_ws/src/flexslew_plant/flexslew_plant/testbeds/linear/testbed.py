@@ -160,7 +160,7 @@ def _form(system: StateSpace) -> _Form:
     n = len(equations.stiffness)
     found = []
     for kind, rows in (("tip", plant.tip), ("curvature", plant.curvature)):
-        maps = np.linalg.solve(equations.states.T, rows.T).T
+        maps = np.asarray(np.linalg.solve(equations.states.T, rows.T).T, dtype=np.float64)
         of_joints = maps[:, [*range(m), *range(n, n + m)]]
         read = of_joints @ equations.states[[*range(m), *range(n, n + m)]]
         for name, row, part in zip(plant.appendages, rows, read, strict=True):
@@ -174,7 +174,7 @@ def _form(system: StateSpace) -> _Form:
     for name, row, still in zip(plant.appendages, curvature_rate, curvature, strict=True):
         if np.abs(row).max(initial=0.0) > _SAME * np.abs(still).max(initial=0.0):
             raise BadInput(f"system.c: curvature.{name} reads rates; name it tip.{name}")
-    rate = np.where(np.abs(rate) > _SAME * np.abs(tip).max(initial=0.0), rate, 0.0)
+    rate = rate * (np.abs(rate) > _SAME * np.abs(tip).max(initial=0.0))
     return _Form(plant.joints, plant.appendages, equations, tip, rate, curvature)
 
 
