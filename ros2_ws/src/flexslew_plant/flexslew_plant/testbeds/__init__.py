@@ -102,9 +102,9 @@ def _with_file(values: Any, info: ValidationInfo) -> Any:
     entry = TESTBEDS.get(_kind(values))
     if entry is None or entry.from_file is None or not isinstance(values, dict):
         return values
-    if "file" not in values:
+    path = values.get("file")
+    if path is None:
         return values
-    path = values["file"]
     if not isinstance(path, str) or not path:
         raise ValueError("file: give the path of a file")
     try:

@@ -60,8 +60,10 @@ class LinearTestbed:
     """A linear plant A, B, C, D with named signals, from MATLAB, python-control or a file."""
 
     kind: Literal["linear"] = "linear"
+    # .mat, .npz, .yaml or .json with A, B, C, D, Ts, inputs and outputs, which become `system`
+    file: str | None = None
     # matrices and names of signals: inputs effort.JOINT; outputs position.JOINT or rate.JOINT of
-    # each, tip.APPENDAGE, curvature.APPENDAGE. `file` gives them all: .mat, .npz, .yaml or .json
+    # each, tip.APPENDAGE, curvature.APPENDAGE; its keys win over those of the file
     system: StateSpace = _EXAMPLE
     joint_units: tuple[Literal["rad", "m"], ...] = ()  # of each joint; none given: all rad
     kept_modes: int | None = Field(default=None, ge=0)  # the lowest of the modes; null: all
@@ -76,6 +78,8 @@ class LinearTestbed:
 
     @model_validator(mode="after")
     def _consistent(self) -> "LinearTestbed":
+        if self.file is not None:
+            raise ValueError("file: is read where a trial is read; give `system` here")
         try:
             form = _form(self.system)
         except BadInput as error:
