@@ -110,6 +110,14 @@ def test_what_does_not_fit_is_refused_in_one_line(change: Any, words: str) -> No
     assert "\n" not in str(caught.value)
 
 
+def test_an_input_that_pushes_back_has_a_minus_before_its_name() -> None:
+    turned = replace(SYSTEM, b=rows(-MODES.b), inputs=("-effort.hub",))
+    wrong = vars(replace(turned, inputs=("effort.hub",)))
+    with pytest.raises(BadInput, match=r"input 1 does not .* -effort\.JOINT if it pushes back"):
+        read_testbed({"kind": "linear", "system": wrong}, "here")
+    np.testing.assert_array_equal(plant_of(turned).b, plant_of(SYSTEM).b)
+
+
 def test_a_plant_of_too_many_states_is_refused_before_anything_is_computed() -> None:
     huge = rows(np.zeros((601, 1)))
     with pytest.raises(BadInput, match="601 states; at most 600 fly: reduce the model"):

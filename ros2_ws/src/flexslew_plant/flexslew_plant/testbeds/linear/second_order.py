@@ -60,8 +60,8 @@ def second_order(a: Matrix, b: Matrix, position: Matrix, others: Matrix) -> Seco
         k = int(np.diag(mobility[:m]).argmin())
         raise BadInput(
             f"input {k + 1} does not accelerate its joint forward at once (C A B = {least:.3g}); "
-            "name the inputs by their joints, turn a sign, or leave the lag of the motors to "
-            "`actuator`"
+            "name it -effort.JOINT if it pushes back, name inputs by their joints, or leave the "
+            "lag of the motors to `actuator`"
         )
     share = mobility[m:] @ np.linalg.pinv(mobility[:m])
     held = stiffness[m:, m:] - share @ stiffness[:m, m:]

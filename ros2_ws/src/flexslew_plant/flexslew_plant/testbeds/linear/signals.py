@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm, logm
 
-from flexslew_plant.arrays import Matrix
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.near_names import spelling_hint
 from flexslew_plant.state_space import StateSpace, matrices
@@ -37,11 +37,12 @@ def plant_of(system: StateSpace) -> PlantMatrices:
     """
     if not system.a:
         raise BadInput("system.a: a plant has states; give A, B and C")
-    joints, outputs = _names(system)
+    joints, outputs, signs = _names(system)
     if len(system.a) > _LARGEST:
         words = f"system.a: {len(system.a)} states; at most {_LARGEST} fly: reduce the model"
         raise BadInput(words)
     a, b, c, d = matrices(system, len(joints), len(outputs))
+    b = b * signs
     if d.any():
         k = int(np.abs(d).max(axis=1).argmax())
         raise BadInput(
@@ -69,18 +70,21 @@ def plant_of(system: StateSpace) -> PlantMatrices:
     return PlantMatrices(a, b, joints, position, appendages, tip, curvature)
 
 
-def _names(system: StateSpace) -> tuple[tuple[str, ...], list[tuple[str, str]]]:
-    """Return the joints, in the order of the inputs, and kind and name of each output.
+def _names(system: StateSpace) -> tuple[tuple[str, ...], list[tuple[str, str]], Vector]:
+    """Return the joints, in the order of the inputs, kind and name of outputs, signs of inputs.
+
+    An input `-effort.JOINT` pushes its joint back.
 
     Raises:
         BadInput: a name is none of a signal, or there twice, or a joint has no output.
     """
     count = len(system.b[0]) if system.b else 0
     inputs = system.inputs or tuple(f"effort.joint_{k + 1}" for k in range(count))
-    for name in inputs:
-        if not name.removeprefix("effort.") or "." in name.removeprefix("effort."):
+    joints = tuple(name.removeprefix("-").removeprefix("effort.") for name in inputs)
+    signs = np.array([-1.0 if name.startswith("-") else 1.0 for name in inputs])
+    for name, joint in zip(inputs, joints, strict=True):
+        if not joint or "." in joint:
             raise BadInput(f"system.inputs: {name} is not allowed: effort.JOINT, JOINT by any name")
-    joints = tuple(name.removeprefix("effort.") for name in inputs)
     given = system.outputs or _default_outputs(joints, len(system.c))
     outputs = []
     for name in given:
@@ -104,7 +108,7 @@ def _names(system: StateSpace) -> tuple[tuple[str, ...], list[tuple[str, str]]]:
         raise BadInput(
             f"system.outputs: no position.{name} and no rate.{name}; a joint is measured"
         )
-    return joints, outputs
+    return joints, outputs, signs
 
 
 def _default_outputs(joints: tuple[str, ...], count: int) -> tuple[str, ...]:
