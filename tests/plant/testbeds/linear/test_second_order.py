@@ -52,6 +52,13 @@ def test_a_free_mechanism_with_clamped_modes_is_found_as_it_was() -> None:
     np.testing.assert_array_equal(form.effort, np.eye(5, 2))
 
 
+def test_a_rigid_body_has_its_effort_in_its_joint() -> None:
+    form = without_outputs(*mechanism(np.array([[3.0]]), np.array([[0.7]]), np.zeros((1, 1)), 1))
+    assert form.joints == pytest.approx(np.array([[3.0]]))
+    assert form.damping == pytest.approx(np.array([[0.7]]))
+    np.testing.assert_array_equal(form.effort, np.eye(1))
+
+
 def test_a_mechanism_on_ground_rests_with_its_modes_at_zero() -> None:
     mass, stiffness = (
         np.diag([1.0, 2.0, 3.0]), np.array([[3.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])

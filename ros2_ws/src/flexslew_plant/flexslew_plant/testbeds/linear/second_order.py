@@ -72,11 +72,9 @@ def second_order(a: Matrix, b: Matrix, position: Matrix, others: Matrix) -> Seco
         stiffness, _, mobility = _accelerations(a, b, rows)
         rows[m:] *= _scales(stiffness, mobility)[:, None]
     stiffness, damping, mobility = _accelerations(a, b, rows)
-    joints, coupling = _masses(mobility, m)
+    joints, coupling, in_joints = _masses(mobility, m)
     mass = np.block([[joints, coupling], [coupling.T, np.eye(len(rows) - m)]])
-    effort = mass @ mobility
-    if coupling.any():
-        effort = np.eye(len(rows), m)
+    effort = np.eye(len(rows), m) if in_joints else mass @ mobility
     return SecondOrder(
         joints,
         coupling,
@@ -97,18 +95,18 @@ def _accelerations(a: Matrix, b: Matrix, rows: Matrix) -> tuple[Matrix, Matrix, 
     return slopes[:, :n], slopes[:, n:], rates @ b
 
 
-def _masses(mobility: Matrix, m: int) -> tuple[Matrix, Matrix]:
-    """Return J and L; of efforts that act on more than their joint, what each moves alone and 0."""
+def _masses(mobility: Matrix, m: int) -> tuple[Matrix, Matrix, bool]:
+    """Return J, L and whether efforts act on their joints alone; else what each moves alone and 0."""
     at_joints = mobility[:m]
     symmetric = 0.5 * (at_joints + at_joints.T)
     asymmetry = np.abs(at_joints - at_joints.T).max(initial=0.0)
     reciprocal = asymmetry <= _RECIPROCAL * np.abs(at_joints).max(initial=0.0)
     if not reciprocal or np.linalg.eigvalsh(symmetric).min() <= 0.0:
-        return np.diag(1.0 / np.diag(at_joints)), np.zeros((m, len(mobility) - m))
+        return np.diag(1.0 / np.diag(at_joints)), np.zeros((m, len(mobility) - m)), False
     inverse = np.linalg.inv(symmetric)
     coupling = -(mobility[m:] @ inverse).T
     joints = inverse + coupling @ coupling.T
-    return 0.5 * (joints + joints.T), coupling
+    return 0.5 * (joints + joints.T), coupling, True
 
 
 def _modes(held: Matrix) -> Matrix | None:
