@@ -96,7 +96,7 @@ def _accelerations(a: Matrix, b: Matrix, rows: Matrix) -> tuple[Matrix, Matrix, 
 
 
 def _masses(mobility: Matrix, m: int) -> tuple[Matrix, Matrix, bool]:
-    """Return J, L and whether efforts act on their joints alone; else what each moves alone and 0."""
+    """Return J, L and whether efforts act in their joints; if not, what each moves alone and 0."""
     at_joints = mobility[:m]
     symmetric = 0.5 * (at_joints + at_joints.T)
     asymmetry = np.abs(at_joints - at_joints.T).max(initial=0.0)
