@@ -99,8 +99,9 @@ class BatchMetrics:
         extremes = SettlingExtremes(joints(rows.outside), joints(rows.limit_excess))
         efforts = joints(rows.peak_effort), joints(rows.square_sum), one(rows.saturated)
         first, last = self._times
+        least = 0.0 if self._finished else -np.inf  # also where there are no tips
         values = {
-            **tip_values(one(rows.residual_tip), one(rows.peak_tip)),
+            **tip_values(np.maximum(one(rows.residual_tip), least), one(rows.peak_tip)),
             **error_values(target, None, ErrorExtremes(joints(rows.residual), *ends)),
             **settling_values(target, move, extremes, last),
             **effort_values(EffortSums(*efforts), last - first),
