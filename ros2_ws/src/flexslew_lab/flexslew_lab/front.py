@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
@@ -15,11 +16,13 @@ from flexslew_lab.given_objects import require_in_files
 from flexslew_lab.named import names_in
 from flexslew_lab.notebook import What, place, plain_data, trial_from
 from flexslew_lab.progress import display_library_progress
+from flexslew_lab.trial.outputs import bag_folder
 from flexslew_lab.trial.trial import Trial, bench_settings, plan_of_trial
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
 from flexslew_plant.extras import required
 from flexslew_plant.own_code import ANY_CODE, NO_CODE, Trust
+from flexslew_plant.settings import validated
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,7 +31,7 @@ if TYPE_CHECKING:
     from flexslew_lab.analysis.proof import Proof
     from flexslew_lab.comparison.comparison import Comparison
     from flexslew_lab.gains.search import FoundGains
-    from flexslew_lab.identification.identification import Identification
+    from flexslew_lab.identification.identification import Experiment, Identification
     from flexslew_lab.studies.study import Study
 
 
@@ -170,15 +173,20 @@ def identify(
     band: tuple[float, float] | None = None,
     fit: Sequence[str] = (),
     start: Mapping[str, float] | None = None,
+    columns: Mapping[str, Any] | None = None,
     trust: Trust = NO_CODE,
 ) -> Identification:
     """Return the modes, inertias and parameters of a bench, identified from recorded runs.
 
     Args:
-        runs: run folders or bags, at least one; the first gives the model, the others prove it.
+        runs: run folders or bags, or files of another bench, at least one; the first gives the
+            model, the others prove it.
         band: excited band, low and high [rad/s]; None: that of the excitation.
         fit: keys of the testbed to fit, as `parameters.bending_stiffness`.
         start: key to number, the start of a fit.
+        columns: of files of another bench, as the command's options: inputs ["u=hub"], outputs
+            ["x=position.hub", "a=acc.tip"], period, past, time, time_unit, stamps; None: the runs
+            are of this bench.
         trust: testbed class of the user's own that may be loaded.
 
     Raises:
@@ -194,9 +202,26 @@ def identify(
             "a flight keeps no log; fly it into one, fs.fly(trial, 'runs/shaken'), and give that",
             "runs",
         )
-    experiments = [experiment_of(place(run, "runs"), trust) for run in runs]
+    if columns is None:
+        experiments = [experiment_of(place(run, "runs"), trust) for run in runs]
+    else:
+        experiments = _from_files([place(run, "runs") for run in runs], columns)
     with display_library_progress("identification"):
         return identified(experiments, band, tuple(fit), dict(start or {}))
+
+
+def _from_files(files: Sequence[Path], columns: Mapping[str, Any]) -> list[Experiment]:
+    """Return experiments in files of another bench; their notes are warnings at the call."""
+    from flexslew_lab.identification.file_experiment import FileColumns, experiment_of_file
+
+    chosen: FileColumns = validated(FileColumns, dict(columns), "columns")
+    found = []
+    for path in files:
+        experiment, notes = experiment_of_file(bag_folder(path), chosen)
+        found.append(experiment)
+        for words in notes:
+            warnings.warn(f"{path}: {words}", stacklevel=3)
+    return found
 
 
 def study(

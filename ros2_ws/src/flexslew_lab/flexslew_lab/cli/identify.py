@@ -1,8 +1,9 @@
 """Subcommand that identifies a bench from logs of its experiments."""
 
 import os
+from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,7 +16,6 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
 if TYPE_CHECKING:
-    from flexslew_lab.identification.files.columns import FileClock
     from flexslew_lab.identification.identification import Experiment
     from flexslew_lab.identification.modes import ModalModel
     from flexslew_lab.identification.next_plan import NextPlan
@@ -236,12 +236,12 @@ def _next(
 def _experiment(
     run: Path,
     columns: tuple[str | None, str | None, float | None, bool],
-    clock: "FileClock",
+    clock: dict[str, Any],
     trust: list[str] | None,
 ) -> "Experiment":
+    from flexslew_lab.identification.file_experiment import FileColumns, experiment_of_file
     from flexslew_lab.identification.files import READERS
-    from flexslew_lab.identification.foreign import external_record
-    from flexslew_lab.identification.identification import Experiment, experiment_of
+    from flexslew_lab.identification.identification import experiment_of
 
     inputs, outputs, period, past = columns
     if not os.path.exists(run):
@@ -252,22 +252,26 @@ def _experiment(
         return experiment_of(run, Trust.of(trust or ()))
     if not inputs or not outputs:
         raise BadInput(f"{run}: --inputs and --outputs belong together")
-    imported = external_record(
-        bag_folder(run), _names(inputs), _names(outputs), period, past, clock
+    if period is not None and not 0.0 < period < inf:
+        raise BadInput("a number of seconds above 0", key="--period", value=period)
+    chosen = FileColumns(
+        inputs=_names(inputs), outputs=_names(outputs), period=period, past=past, **clock
     )
-    for words in imported.words:
+    experiment, notes = experiment_of_file(bag_folder(run), chosen)
+    for words in notes:
         print_message(f"{run}: {words}")
-    return Experiment(imported.record, None, None)
+    return experiment
 
 
-def _clock(time: str | None, unit: str | None, stamps: str) -> "FileClock":
-    from flexslew_lab.identification.files.columns import UNITS, FileClock
+def _clock(time: str | None, unit: str | None, stamps: str) -> dict[str, Any]:
+    """Return the keys of FileColumns that select the times."""
+    from flexslew_lab.identification.files.columns import UNITS
 
     if unit is not None and unit not in UNITS:
         raise BadInput(f"one of {', '.join(UNITS)}", key="--time-unit", value=unit)
     if stamps not in _STAMPS:
         raise BadInput(f"one of {', '.join(_STAMPS)}", key="--stamps", value=stamps)
-    return FileClock(time, unit, None, stamps == _STAMPS[1])
+    return {"time": time, "time_unit": unit, "stamps": stamps}
 
 
 def _names(text: str) -> tuple[str, ...]:

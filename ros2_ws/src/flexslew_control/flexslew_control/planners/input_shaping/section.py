@@ -18,7 +18,7 @@ from flexslew_control.planners.input_shaping.shaper_choice import (
     shaper_of,
     worst_residual,
 )
-from flexslew_control.planners.input_shaping.shapers import Shaper, ShaperName
+from flexslew_control.planners.input_shaping.shapers import UNSHAPED, Shaper, ShaperName
 from flexslew_control.planners.joint_trajectory import Points
 from flexslew_control.shared_keys import DesignModel, Initial, Start
 from flexslew_plant.errors import BadInput
@@ -83,20 +83,22 @@ class ShapedBy(NamedTuple):
 
     @staticmethod
     def of(settings: InputShaping, own_modes: Sequence[tuple[float, float]]) -> "ShapedBy":
-        """Return the shaper of a section.
+        """Return the shaper of a section; without any mode nothing is shaped.
 
         Args:
             settings: the section.
             own_modes: frequencies [rad/s] and damping ratios of the model, where it names none.
 
         Raises:
-            BadInput: there is no mode to shape, or the shaper needs negative impulses.
+            BadInput: the shaper needs negative impulses that are not allowed.
         """
         modes = _modes(settings, own_modes)
-        if settings.shaper == "auto":
+        if not modes:
+            shaper, choice = UNSHAPED, dict[str, Any](shaper="none")
+        elif settings.shaper == "auto":
             candidates = ranking(modes, settings.tolerance, settings.negative)
             shaper = candidates[0].shaper
-            choice: dict[str, Any] = {
+            choice = {
                 "shaper": candidates[0].name,
                 "shaper_choice": reason(candidates, settings.tolerance),
                 "shaper_ranking": [
@@ -119,9 +121,11 @@ class ShapedBy(NamedTuple):
             "impulse_times": shaper.times.tolist(),
             "impulse_amplitudes": shaper.amplitudes.tolist(),
             "frequencies": [mode.frequency for mode in modes],
-            "sensitivity": shaper.sensitivity(
-                modes[0].frequency, modes[0].damping, 0.3, 61
-            ).tolist(),
+            "sensitivity": [
+                row
+                for mode in modes[:1]
+                for row in shaper.sensitivity(mode.frequency, mode.damping, 0.3, 61).tolist()
+            ],
         }
         return ShapedBy(shaper, modes, summary)
 
@@ -136,10 +140,5 @@ def _modes(
     if settings.modes:
         return tuple(map(shaped_mode, settings.modes))
     named = [(frequency, settings.damping) for frequency in settings.frequencies]
-    pairs = named or own_modes
-    if not pairs:
-        raise BadInput(
-            "the model has no mode to shape; give frequencies or modes", "plan", "frequencies", []
-        )
     error = settings.frequency_error if settings.shaper == "auto" else 0.0
-    return tuple(around(frequency, damping, error) for frequency, damping in pairs)
+    return tuple(around(frequency, damping, error) for frequency, damping in named or own_modes)

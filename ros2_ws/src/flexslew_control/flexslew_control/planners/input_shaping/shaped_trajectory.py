@@ -31,6 +31,9 @@ def plan_shaped_trajectory(task: PlanTask) -> Plan:
     points, names = checked_points(settings.trajectory, slew, "trajectory")
     feedforward = any(any(point.effort.values()) for point in points) or task.feedback is None
     shaped = ShapedBy.of(settings, modes_along(slew, feedforward, settings.damping))
+    if not shaped.modes:
+        words = "the model has no mode to shape; give frequencies, or method: joint_trajectory"
+        raise BadInput(words, "plan", "frequencies", [])
     motion = motion_along(points, names, slew, settings.start, shaped.shaper)
     peak = abs(motion.effort).max(axis=0, initial=0.0)
     for name, needed, limit in zip(slew.model.joint_names, peak, slew.effort_limit, strict=True):

@@ -73,11 +73,12 @@ def reason(candidates: Sequence[RankedShaper], tolerance: float) -> str:
 
 def worst_residual(shaper: Shaper, modes: Sequence[ShapedMode]) -> float:
     """Return the largest residual vibration of all modes over their intervals [-]."""
-    return max(
+    residuals = [
         float(shaper.residual(frequencies, float(damping)).max())
         for frequencies, dampings in (mode.grid() for mode in modes)
         for damping in dampings
-    )
+    ]
+    return max(residuals, default=0.0)
 
 
 def shaper_of(
