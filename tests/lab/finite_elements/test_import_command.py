@@ -90,6 +90,7 @@ def test_a_wrong_option_is_refused_in_one_line(
 def test_the_tutorial_prints_what_its_page_shows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setenv("COLUMNS", "100")  # the table is wider than a narrow terminal
     page = (DOCS / "finite_elements.md").read_text()
     path = computed(tmp_path, (DOCS / "examples" / "panel.inp").read_text())
     command = next(line for line in page.splitlines() if "import panel.inp" in line)
