@@ -73,6 +73,28 @@ def test_the_poles_of_an_arx_model_are_those_of_its_equation() -> None:
     assert [mode.frequency for mode in found] == pytest.approx(expected, rel=2e-3)
 
 
+@pytest.mark.parametrize(("inputs", "outputs"), [(1, 2), (1, 3), (2, 4), (3, 2)])
+def test_the_poles_of_several_channels_are_those_of_their_equation(
+    inputs: int, outputs: int
+) -> None:
+    """y(k) = A1 y(k-1) + A2 y(k-2) + B u(k-1) has the poles of its companion matrix."""
+    rng = np.random.default_rng(inputs + outputs)
+    first, b = (
+        0.15 * rng.standard_normal((outputs, outputs)),
+        rng.standard_normal((outputs, inputs)),
+    )
+    second = -0.7 * np.eye(outputs)
+    u, y = rng.standard_normal((2000, inputs)), np.zeros((2000, outputs))
+    for k in range(2, 2000):
+        y[k] = first @ y[k - 1] + second @ y[k - 2] + b @ u[k - 1]
+    companion = np.block([[first, second], [np.eye(outputs), np.zeros((outputs, outputs))]])
+    poles = np.linalg.eigvals(companion)
+    assert abs(poles).max() < 1.0
+    found = arx(ResampledRecord(u, y, y, 1.0, False), (2,)).by_order[2]
+    expected = sorted(abs(np.log(poles[poles.imag > 0.0])))
+    assert [mode.frequency for mode in found] == pytest.approx(expected, rel=1e-6)
+
+
 def test_the_noise_filter_has_the_poles_of_what_is_disturbed() -> None:
     record = arm_record(0, 4096)
     taps = noise_filters(record)[0]

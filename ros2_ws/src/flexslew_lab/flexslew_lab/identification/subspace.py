@@ -175,15 +175,14 @@ def arx(record: ResampledRecord, orders: tuple[int, ...]) -> Poles:
     explains has (Ljung 1999, 4.2); at high orders also with other colours.
     """
     u, y = record.effort, record.bounded
-    outputs = y.shape[1]
+    inputs, outputs = u.shape[1], y.shape[1]
     found = {}
     for order in orders:
         past = [u[order:], *(x[order - k : -k] for k in range(1, order + 1) for x in (u, y))]
         weights = np.linalg.lstsq(np.hstack(past), y[order:], rcond=None)[0].T
-        each = u.shape[1] + outputs
         companion = np.eye(order * outputs, k=-outputs)
         for k in range(order):
-            first = (k + 1) * each
+            first = 2 * inputs + k * (inputs + outputs)  # past the efforts now and of this lag
             companion[:outputs, k * outputs : (k + 1) * outputs] = weights[
                 :, first : first + outputs
             ]
