@@ -17,6 +17,7 @@ from flexslew_plant.graph import topics
 from flexslew_plant.keys.settings_fields import describe_section
 
 SOURCES = Path("ros2_ws/src")
+REQUESTS = "flexslew_plant/flexslew_plant/bench/operation/requests.py"  # requests without fields
 MESSAGES = SOURCES / "flexslew_msgs"
 PACKAGES = ("flexslew_plant", "flexslew_control", "flexslew_lab")
 PARTS = {
@@ -82,7 +83,7 @@ def services() -> Iterator[tuple[str, str]]:
         ValueError: the type of one is not found in the sources.
     """
     sources = [path.read_text() for path in sorted(SOURCES.glob("*/*/ros/**/*.py"))]
-    text = "\n".join(sources)
+    text = "\n".join([*sources, (SOURCES / REQUESTS).read_text()])
     known = {value: key for key, value in vars(topics).items() if isinstance(value, str)}
     skipped = {topic.name for topic in topics.TOPICS.values()}
     for name, constant in known.items():
