@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from flexslew_msgs.action import PlanSlew
-from flexslew_msgs.srv import Step, Tune
+from flexslew_msgs.srv import SetRate, Step, Tune
 from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
 
@@ -59,12 +59,14 @@ def test_a_slew_after_a_tune_is_made_for_the_tuned_gains(tmp_path: Path) -> None
                 bench.until(future.done)
                 seen[name] = future.result().result
             seen["start"] = start
+            assert bench.ask(SetRate, "set_rate", rate_factor=0.0).ok
             assert bench.ask(Trigger, "start").success
             last = asked(bench, "{method: minimax_feedforward, duration: 20.0, start: 59.9}")
             bench.until(last.done)
             seen["last"] = last.result().result
 
-    still = slew(60.0)  # a slew that leaves the tips at rest
+    # a slew that leaves the tips at rest, paced until the pause: unpaced it might be over by then
+    still = slew(60.0, rate=2.0, extra="max_missed: 1000")
     still = replace(still, plan=replace(still.plan, goal={"base_yaw": 1e-6}))
     trial = replace(still, goal_tolerance=10.0)
     flight = Flight(trial, tmp_path, 100, operate, change=by_hand)
@@ -94,9 +96,11 @@ def test_a_plan_for_a_paused_bench_that_swings_promises_what_is_left(tmp_path: P
             future = asked(bench, slewing + f"duration: 20.0, start: {start:.2f}}}")
             bench.until(future.done)
             seen["plan"] = future.result().result
+            assert bench.ask(SetRate, "set_rate", rate_factor=0.0).ok
             assert bench.ask(Trigger, "start").success
 
-    trial = slew(90.0)  # whose first slew leaves a swing
+    # whose first slew leaves a swing, paced until the pause: unpaced it would decay by then
+    trial = slew(90.0, rate=2.0, extra="max_missed: 1000")
     trial = replace(trial, goal_tolerance=10.0)
     flight = Flight(trial, tmp_path, 700, operate)
     assert flight.outcome == (0, ""), flight.log
