@@ -4,7 +4,7 @@ import math
 import os
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -226,7 +226,8 @@ def plan(
     ]  # that the plan itself commands
     facts = {"duration": made.duration, "drives": effort_names, "hash": plan_hash(made)}
     summary = {**made.summary, **facts}
-    rows = [(k, short(v)) for k, v in summary.items() if k not in ("weights", "history")]
+    hidden = ("weights", "history", "shaper_ranking")
+    rows = [(k, short(v)) for k, v in summary.items() if k not in hidden]
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
         save_plan(made, out)
@@ -242,6 +243,18 @@ def plan(
     else:
         print_verdict(plan_verdict(made, requested.testbed.effort_limit))
         print_table(("", made.method), rows)
+        _print_shapers(made.summary.get("shaper_ranking", ()))
+
+
+def _print_shapers(ranking: Sequence[Mapping[str, Any]]) -> None:
+    """Print what each shaper costs, where a plan has compared them."""
+    rows = [
+        (one["shaper"], f"{one['delay']:.3g}", f"{one['smoothing']:.3g}",
+         f"{100.0 * one['residual']:.2g}")
+        for one in ranking
+    ]  # fmt: skip
+    if rows:
+        print_table(("shaper", "delay [s]", "smoothing [s]", "residual [%]"), rows)
 
 
 def report(
