@@ -18,11 +18,7 @@ _TIME = "time_from_start"
 _Row: TypeAlias = tuple[float, Mapping[str, Sequence[float]]]
 
 
-def points_of(
-    joint_names: Sequence[str],
-    rows: Iterable[tuple[float, Mapping[str, Sequence[float]]]],
-    key: str,
-) -> list[dict[str, Any]]:
+def points_of(joint_names: Sequence[str], rows: Iterable[_Row], key: str) -> list[dict[str, Any]]:
     """Return the points of a JointTrajectory as a plan has them.
 
     Args:

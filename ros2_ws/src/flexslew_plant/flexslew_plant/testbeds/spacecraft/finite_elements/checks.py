@@ -5,12 +5,14 @@ from pathlib import Path
 import numpy as np
 from scipy.linalg import eigh
 from scipy.sparse import csc_array, diags_array
-from scipy.sparse.linalg import splu
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.spacecraft.finite_elements.model import FiniteElementModel
-from flexslew_plant.testbeds.spacecraft.finite_elements.reduction import Reduction
+from flexslew_plant.testbeds.spacecraft.finite_elements.reduction import (
+    Reduction,
+    symmetric_factors,
+)
 
 LARGEST = 300_000  # degrees of freedom
 _SYMMETRIC = 1e-6  # of the largest entry of a row or of its column
@@ -74,12 +76,7 @@ def _is_positive_semidefinite(mass: csc_array) -> bool:
     scale = diags_array(1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))
     shifted = csc_array(scale @ mass @ scale + _NEGATIVE * diags_array(np.ones(len(diagonal))))
     try:
-        factors = splu(
-            shifted,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
+        factors = symmetric_factors(shifted)
     except (RuntimeError, ValueError):
         return False
     return bool((factors.U.diagonal() > 0.0).all() and (factors.perm_r == factors.perm_c).all())

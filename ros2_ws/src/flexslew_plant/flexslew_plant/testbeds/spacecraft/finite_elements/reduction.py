@@ -113,17 +113,26 @@ def reduce_model(
     )
 
 
+def symmetric_factors(matrix: csc_array) -> SuperLU:
+    """Return the factors of a symmetric matrix, pivots on its diagonal where they can be.
+
+    Raises:
+        RuntimeError, ValueError: it is singular, or holds what is no number.
+    """
+    return splu(
+        matrix,
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )
+
+
 def _factors(stiffness: csc_array, path: Path) -> SuperLU:
     """Return the factors of the clamped stiffness, which must be positive definite."""
     refused = "with the boundary clamped, the stiffness is {}: something is not held by the "
     refused += "boundary, or not connected; clamp more nodes or repair the model"
     try:
-        factors = splu(
-            stiffness,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
+        factors = symmetric_factors(stiffness)
     except (RuntimeError, ValueError):
         raise BadInput(refused.format("singular"), path) from None
     pivots = factors.U.diagonal()
