@@ -22,9 +22,9 @@ import numpy as np
 from scipy.stats import norm
 from tests.lab.identification.shaken import bench, shaken, truth
 
-from flexslew_lab.identification.modes import Interval, ModalModel, identify_modes
+from flexslew_lab.identification.modal.modes import Interval, ModalModel, identify_modes
 from flexslew_lab.identification.physical_fit import fit_parameters
-from flexslew_lab.identification.record import Record
+from flexslew_lab.identification.records.record import Record
 from flexslew_lab.studies.experiment import record_flight
 from flexslew_lab.trial.overrides import override_values
 from flexslew_lab.trial.sources import read_trial

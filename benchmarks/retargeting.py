@@ -13,7 +13,7 @@ import numpy as np
 
 from flexslew_control.controllers import build_controller
 from flexslew_control.law import Estimate
-from flexslew_control.perturbation import HALVINGS
+from flexslew_control.linear.perturbation import HALVINGS
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_lab.trial.trial import SavedPlan, bench_settings, plant_of

@@ -17,11 +17,11 @@ from flexslew_control.planners.time_optimal.structures import found_durations
 from flexslew_control.planners.time_optimal.switching import linear_candidates, solve_durations
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.csa import CsaParameters, CsaTestbed
-from flexslew_plant.testbeds.floating_oscillator import (
+from flexslew_plant.testbeds.hub_with_appendages import HubTestbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import (
     FloatingOscillatorParameters,
     FloatingOscillatorTestbed,
 )
-from flexslew_plant.testbeds.hub_with_appendages import HubTestbed
 
 _ALLOWED = 1e-6  # longer than the best of the reference [s]
 _STARTS = {"floating_oscillator": 60, "csa": 60, "hub_with_appendages": 20}

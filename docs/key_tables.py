@@ -26,7 +26,11 @@ from flexslew_plant.keys.settings_fields import FieldDescription, describe_secti
 from flexslew_plant.yaml_data import yaml_text
 
 DOCS = Path(__file__).parent
-NAMES = ("trial", "spacecraft", "start_in_motion", "studies/keys", "faults/kinds", "ros2/events")
+NAMES = (
+    *("trial", "spacecraft", "start_in_motion", "external_plant"),
+    "external_controller",
+    *("studies/keys", "benchmark/rules", "faults/kinds", "ros2/events"),
+)
 PAGES = (
     *(DOCS / f"{name}.md" for name in NAMES),
     *sorted((DOCS / "controllers").glob("*.md")),

@@ -25,6 +25,7 @@ LOCKS = (
 DEVELOP = LOCKS[-1]
 # read in their repositories, as the distributions state none
 _READ_BY_HAND = {
+    "fmpy": "BSD-2-Clause",
     "ros-ament-cmake-gmock": "Apache License 2.0",
     "ros-ament-cmake-gtest": "Apache License 2.0",
     "ros-ament-cmake-pytest": "Apache License 2.0",

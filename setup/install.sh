@@ -120,9 +120,9 @@ install_wheels() {
 }
 
 # The lock without what an installed ROS 2 brings: its packages, their parsers, and the NumPy that they are built for (1.26
-# on Ubuntu 24.04), with which ctrlsys does not work.
+# on Ubuntu 24.04), with which ctrlsys, FMPy, onnx and pandas do not work.
 beside_installed_ros() {
-  awk '/^[A-Za-z0-9]/ { keep = !/^(ros-|catkin-pkg==|ctrlsys==|lark-parser==|numpy==)/ } keep'
+  awk '/^[A-Za-z0-9]/ { keep = !/^(ros-|catkin-pkg==|ctrlsys==|fmpy==|lark-parser==|ml-dtypes==|numpy==|onnx==|pandas==|pyyeti==)/ } keep'
 }
 
 # The lock without ROS 2 itself.

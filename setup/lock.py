@@ -39,7 +39,11 @@ def wheels(pins: list[Requirement], python: str, machine: str) -> dict[str, str]
     Raises:
         subprocess.CalledProcessError: if one has no such wheel; pip names it.
     """
-    here = {"python_version": python, "python_full_version": f"{python}.0"}
+    here = {
+        "python_version": python,
+        "python_full_version": f"{python}.0",
+        "platform_machine": machine,
+    }
     requested = [
         pin
         for pin in pins

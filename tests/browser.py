@@ -99,6 +99,10 @@ class Browser:
         self.until(_FOCUSED, path)
         self.devtools("Input.insertText", {"text": text})
 
+    def choose(self, path: str, file: Path) -> None:
+        """Choose a file for an input of files, which may be hidden."""
+        _call("POST", f"{self._element(path)}/value", {"text": str(file)})
+
     def press(self, key: str, code: str) -> None:
         """Press a key wherever the focus is."""
         for kind in ("keyDown", "keyUp"):

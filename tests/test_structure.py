@@ -162,6 +162,27 @@ def test_the_name_of_a_public_class_has_one_meaning(trees: dict[Path, ast.Module
     assert not {name: places for name, places in homes.items() if len(places) > 1}
 
 
+MOST_PARAMETERS = 8  # of a function; a ninth is a sign of a record without a name
+
+
+def parameters_of(node: ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda) -> list[str]:
+    """Return the names of all parameters, without the object or class of a method."""
+    a = node.args
+    given = [*a.posonlyargs, *a.args, *a.kwonlyargs, *filter(None, [a.vararg, a.kwarg])]
+    return [one.arg for one in given if one.arg not in ("self", "cls")]
+
+
+def test_no_function_has_more_than_eight_parameters(trees: dict[Path, ast.Module]) -> None:
+    wrong = [
+        f"{path.relative_to(SOURCE)}:{node.lineno}: {len(parameters_of(node))}"
+        for path, tree in trees.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+        and len(parameters_of(node)) > MOST_PARAMETERS
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
 # what only one spacecraft has; allowed where that spacecraft is, and where a paper is reproduced
 NAMES = re.compile(
     r"base_yaw|hub_pitch|Csa[A-Z]|OscillatorTestbed|HubTestbed|hub_with_appendages|beam_positive"
@@ -234,6 +255,7 @@ def test_no_kind_of_event_stands_as_a_text_outside_of_its_file(
 STATED = {
     ("flexslew_plant/bench/records.py", "pd_feedforward"): "the default of who is in charge",
     ("flexslew_control/planners/retargeting.py", "disturbance_minimisation"): "an option of a plan",
+    ("flexslew_plant/extras.py", "fmu"): "an extra of the same name",
     ("flexslew_plant/graph/topics.py", "joint_trajectory"): "a topic of the same name",
     ("flexslew_control/ros/trajectories.py", "joint_trajectory"): "what a message asks for: its "
     "node leaves the import of all planners to the process that plans",

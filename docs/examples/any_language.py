@@ -22,13 +22,15 @@ STIFFNESS, DAMPING = 400.0, 1500.0  # [N m/rad, N m s/rad]
 class Controller(Node):
     """Answers when it is named."""
 
-    def __init__(self) -> None:
-        super().__init__("any_language")
+    def __init__(
+        self, name: str = "any_language", law: str = "docs/examples/any_language.py"
+    ) -> None:
+        super().__init__(name)
         self.limit: list[float] = []
         instance = random.getrandbits(63)
         self.status = ControllerStatus(
             controller=self.get_name(),
-            law="docs/examples/any_language.py",
+            law=law,
             reason="no testbed yet",
             instance=instance,
         )
@@ -59,6 +61,10 @@ class Controller(Node):
             min(max(-STIFFNESS * position - DAMPING * rate, -limit), limit)  # NaN stays NaN
             for position, rate, limit in joints
         ]
+        self.answer(m, effort)
+
+    def answer(self, m: Measurement, effort: list[float]) -> None:
+        """Publish the answer to a question."""
         self.effort.publish(
             EffortCommand(
                 stamp=m.header.stamp,

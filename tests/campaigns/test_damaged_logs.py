@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_lab.identification.foreign import external_record
+from flexslew_lab.identification.records.foreign import external_record
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.export import export_log

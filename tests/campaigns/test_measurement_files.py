@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexslew_lab.identification.foreign import external_record
-from flexslew_lab.identification.universal import read_modal_data, read_responses
+from flexslew_lab.identification.records.foreign import external_record
+from flexslew_lab.identification.responses.universal import read_modal_data, read_responses
 from flexslew_plant.errors import FlexslewError
+from tests.lab.identification.responses.test_universal import beam
 from tests.lab.identification.test_files import INPUTS, OUTPUTS, WRITERS, table
-from tests.lab.identification.test_universal import beam
 
 FILES = tuple(name for name in WRITERS if "." in name)
 

@@ -9,10 +9,10 @@ import pytest
 from tests.wire_bench import WireBench
 
 from flexslew_control.controllers import CONTROLLERS
-from flexslew_control.course import LARGEST_JUMP
 from flexslew_control.plan import Plan
-from flexslew_control.planned_course import PlanHistory, PlanResponses
 from flexslew_control.planners import make_plan, plan_settings
+from flexslew_control.plans.course import LARGEST_JUMP
+from flexslew_control.plans.planned_course import PlanHistory, PlanResponses
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.testbeds import default_testbed
 
@@ -87,9 +87,11 @@ def test_a_jump_is_refused_by_planner_and_controller_and_who_refuses_is_not_read
     objection = course.objection(wrong, bench.bench.time)
     assert "stands at 0.03, the plan begins with 0" in str(objection)
     host = bench.hosts[law]
-    assert host.adopt(wrong) is not None
-    assert "plan begins with 0" in str(host.reason)
-    assert host.plan_refused("x").data["reason"] == str(host.reason)
+    refusal = host.adopt(wrong)
+    assert refusal is not None
+    assert "plan begins with 0" in str(refusal)
+    assert host.reason == refusal
+    assert host.plan_refused("x", refusal).data["reason"] == str(refusal)
     moving = planned(bench, course, 8.0, {names[0]: 0.0})
     adopted(bench, course, moving)
     assert host.reason is None

@@ -13,9 +13,9 @@ from tests.wrong_inputs import Wrong, faults_of
 
 from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.controllers.host import ControllerHost
+from flexslew_control.plan_service.planning import plan_request, read_request
 from flexslew_control.planners import PLANNERS
 from flexslew_control.planners.excitation.excitation import Excitation
-from flexslew_control.planning import plan_request, read_request
 from flexslew_lab.console.forms import FormKey, keys_of, value_of
 from flexslew_lab.console.panels import tune as tune_panel
 from flexslew_lab.studies.cases import sample_table

@@ -12,8 +12,8 @@ import pytest
 
 from flexslew_control.law import plant_description
 from flexslew_control.message_fields import plan_of
-from flexslew_control.plan_file import load_plan
-from flexslew_control.planning import plan_request
+from flexslew_control.plan_service.planning import plan_request
+from flexslew_control.plans.plan_file import load_plan
 from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_lab import notebook
 from flexslew_lab.cli.replay import _settings

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from flexslew_control.plan_file import load_plan
+from flexslew_control.plans.plan_file import load_plan
 from flexslew_lab.identification.files.csv_file import read_csv
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.studies.sampling.methods import list_of

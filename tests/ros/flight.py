@@ -12,7 +12,7 @@ from threading import Event
 from types import MappingProxyType
 from typing import Any
 
-from flexslew_control.plan_file import save_plan
+from flexslew_control.plans.plan_file import save_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.run.domain import locked_domain
@@ -130,6 +130,11 @@ class Flight:
     @property
     def log(self) -> str:
         return (self.folder / "nodes.log").read_text()
+
+    @property
+    def exit_codes(self) -> dict[str, int]:
+        """Those of the nodes that the flight started; of a killed one the signal, negative."""
+        return dict(self._supervisor._codes)
 
     @property
     def metrics(self) -> dict[str, Any]:

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
+from flexslew_control.plan_service.planning import StartOfPlan
 from flexslew_control.plan_service.requests import AnnouncedTestbed, PlanRequests
-from flexslew_control.planning import StartOfPlan
 from flexslew_control.ros import planner_node
 from flexslew_control.ros.planner_node import Planner
 from flexslew_plant.bench.operation.presence import Heartbeat, Heartbeats

@@ -1,10 +1,9 @@
 """External controllers in the lock-step: ours keep its rules, and each broken rule is told."""
 
 import json
-import shutil
-import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +11,7 @@ import pytest
 
 from flexslew_lab.cli.main import main
 
-EXAMPLE = Path(__file__).parents[2] / "docs/examples/any_language.py"
-
-IN_C = EXAMPLE.with_suffix(".c")
-MISSING = [tool for tool in ("gcc", "python3-config") if shutil.which(tool) is None]
-needs_gcc = pytest.mark.skipif(bool(MISSING), reason=f"not installed: {', '.join(MISSING)}")
+from .own_programs import build_in_c, needs_gcc, of_example
 
 Examine = Callable[..., tuple[int, dict[str, str]]]
 
@@ -27,7 +22,7 @@ def examine(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) 
 
     def run(*command: str, patience: float = 120.0) -> tuple[int, dict[str, str]]:
         options = ["--json", "--patience", str(patience), "--", *command]
-        monkeypatch.setenv("ROS_DOMAIN_ID", "0")  # so that the one of conform is undone
+        monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)  # each run in a domain of its own
         monkeypatch.setattr(sys, "argv", ["flexslew", "conform", *options])
         with pytest.raises(SystemExit) as end:
             main()
@@ -40,51 +35,13 @@ def examine(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) 
     return run
 
 
-def changed(example: Path, *changes: tuple[str, str]) -> str:
-    """Return the text of an example with some words exchanged."""
-    words = example.read_text()
-    for old, new in changes:
-        assert old in words
-        words = words.replace(old, new)
-    return words
-
-
-def of_example(folder: Path, *changes: tuple[str, str]) -> list[str]:
-    """Return the command of the example with some words exchanged."""
-    (folder / "controller.py").write_text(changed(EXAMPLE, *changes))
-    return [sys.executable, str(folder / "controller.py")]
-
-
 BuildInC = Callable[..., str]
 
 
-@pytest.fixture
-def build_in_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> BuildInC:
-    """Return a function that builds the example in C, with some words exchanged.
-
-    It runs the lines of the page with warnings as errors, and returns the program.
-    """
-
-    def build(*changes: tuple[str, str]) -> str:
-        page = (EXAMPLE.parents[1] / "any_language.md").read_text()
-        block = next(block for block in page.split("```sh\n") if "gcc" in block)
-        *lines, last = block.partition("\n```")[0].splitlines()
-        assert last == "./flexslew conform -- ./any_language_c"
-        source = tmp_path / IN_C.relative_to(EXAMPLE.parents[2])
-        source.parent.mkdir(parents=True)
-        source.write_text(changed(IN_C, *changes))
-        for name in ("setup", ".venv", "ros2_ws"):
-            (tmp_path / name).symlink_to(EXAMPLE.parents[2] / name)
-        script = "\n".join([*lines, 'printf %s "$LD_LIBRARY_PATH"'])
-        script = script.replace("gcc ", "gcc -Wall -Wextra -Werror ")
-        done = subprocess.run(
-            ["bash", "-e"], input=script, cwd=tmp_path, capture_output=True, text=True
-        )
-        assert not done.returncode, done.stderr
-        monkeypatch.setenv("LD_LIBRARY_PATH", done.stdout)
-        return str(tmp_path / "any_language_c")
-
-    return build
+@pytest.fixture(name="build_in_c")
+def _build_in_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> BuildInC:
+    """Return a function that builds the example in C, with some words exchanged."""
+    return partial(build_in_c, tmp_path, monkeypatch)
 
 
 @pytest.mark.ros
@@ -286,21 +243,22 @@ def test_an_answer_that_a_bench_would_reject_is_told(
 
 @pytest.mark.ros
 def test_a_command_that_ends_has_one_finding(examine: Examine) -> None:
-    assert examine(sys.executable, "-c", "") == (1, {"status": "its process has ended"})
+    assert examine(sys.executable, "-c", "") == (
+        1,
+        {"status": "its process has ended (exit code 0)"},
+    )
 
 
 @pytest.mark.parametrize(
     ("command", "words"),
     [
         (["--", "no_such_command"], "COMMAND: no_such_command: No such file or directory"),
-        ([], "COMMAND: give the command that starts the controller, after --"),
+        ([], "COMMAND: give the command that starts the controller, after --, or --serial"),
     ],
 )
 def test_a_command_that_does_not_start_is_refused_in_one_line(
     command: list[str],
     words: str,
     call: Callable[..., tuple[Any, str]],
-    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setenv("ROS_DOMAIN_ID", "0")  # so that the one of conform is undone
     assert call("conform", *command) == (2, f"error: {words}")

@@ -17,7 +17,7 @@ from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.recording.bag_writer import RecordingStopped
 from flexslew_lab.log.recover import recover
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.run.run_trial import run_trial
+from flexslew_lab.run.run_trial import RunFeedback, run_trial
 from flexslew_plant.graph.topics import EVENTS, TOPICS
 from flexslew_plant.ros.offers import qos
 
@@ -117,7 +117,9 @@ def test_a_run_folder_that_is_removed_in_flight_is_a_fault(tmp_path: Path) -> No
             shutil.rmtree(tmp_path / "run")
         ticks.append(tick)
 
-    result = run_trial(trial, "test", tmp_path / "run", report=False, progress=progress)
+    result = run_trial(
+        trial, "test", tmp_path / "run", report=False, feedback=RunFeedback(progress)
+    )
     assert result.exit_code == 3
     assert "recorder ended during the run" in result.message
     assert "bag_0.mcap: recording stopped: No such file or directory" in result.message

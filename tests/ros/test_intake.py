@@ -8,7 +8,7 @@ import pytest
 import rclpy
 from flexslew_msgs import msg
 
-from flexslew_lab.ros.intake import MessageSource
+from flexslew_lab.ros.recorder.intake import MessageSource
 from flexslew_lab.run.domain import locked_domain
 from flexslew_plant.graph.topics import EFFORT_COMMAND, MEASUREMENT, TOPICS
 from flexslew_plant.ros.loop import Loop

@@ -9,7 +9,7 @@ import pytest
 from flexslew_msgs.msg import BenchState
 from std_srvs.srv import Trigger
 
-from flexslew_control.plan_file import save_plan
+from flexslew_control.plans.plan_file import save_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial

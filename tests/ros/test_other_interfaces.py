@@ -14,8 +14,8 @@ from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from flexslew_control.plans.tracking import TrackingCode
 from flexslew_control.ros import follow_trajectory
-from flexslew_control.tracking import TrackingCode
 from flexslew_lab.replay.resim import resim
 from flexslew_plant.graph.topics import FOLLOW_JOINT_TRAJECTORY, PLANNED_TRAJECTORY, TOPICS
 from flexslew_plant.ros.messages import seconds_of

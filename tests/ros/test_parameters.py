@@ -13,7 +13,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 
 from flexslew_control.controllers import CONTROLLERS
-from flexslew_lab.ros.recorder_settings import RecorderSettings
+from flexslew_lab.ros.recorder.recorder_settings import RecorderSettings
 from flexslew_lab.run.domain import locked_domain
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.parameters import declare, new_node, requested_text, settings_of

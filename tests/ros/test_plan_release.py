@@ -8,8 +8,8 @@ import pytest
 import rclpy
 from flexslew_msgs.msg import BenchState, ControllerStatus, Event, Plan
 
-from flexslew_control.plan_file import plan_hash
 from flexslew_control.planners import make_plan, plan_settings
+from flexslew_control.plans.plan_file import plan_hash
 from flexslew_control.ros.plan_release import NodePlanRelease
 from flexslew_lab.run.domain import locked_domain
 from flexslew_lab.trial.trial import Trial, plant_of

@@ -1,5 +1,6 @@
 """A node that is told to end with the plant ends with it, however short the plant was there."""
 
+from time import monotonic
 from types import SimpleNamespace
 from typing import Any
 
@@ -37,7 +38,6 @@ class Seen:
         (("", ""), True, True, True),  # it came and went between two polls
         (("plant", ""), True, False, False),
         (("plant player", "player"), False, True, True),
-        (("plant player", f"{UNKNOWN_NODE} player"), True, True, False),
         (("player", "player"), False, True, False),  # nor has it come, if another one is there
     ],
 )
@@ -54,6 +54,19 @@ def test_who_watches_ends_when_the_plant_was_there_and_is_gone(
         graph.looks.pop(0)
         watch.look(3)
     assert (graph.code == 3) == ends
+
+
+@pytest.mark.parametrize("beats", [True, False])
+def test_a_publisher_without_a_name_is_the_plant_as_long_as_the_plant_sends_heartbeats(
+    beats: bool,
+) -> None:
+    """DDS reports some before their name, and leaves some over for good when many nodes die."""
+    graph: Any = Seen(f"{UNKNOWN_NODE} player")
+    presence, plant = Heartbeats(), Heartbeat("plant", "plant", 1, 1)
+    presence.receive(plant, monotonic() + 1000.0)
+    if not beats:
+        presence.ended(plant)
+    assert PlantWatch(graph, graph, graph, presence, True).plant_present == beats
 
 
 def test_before_any_sign_of_life_whoever_publishes_is_the_plant() -> None:

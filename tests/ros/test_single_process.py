@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from flexslew_control.plan_file import save_plan
+from flexslew_control.plans.plan_file import save_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.run.domain import locked_domain

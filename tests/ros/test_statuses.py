@@ -6,7 +6,7 @@ import pytest
 from flexslew_msgs.msg import ControllerStatus
 
 from flexslew_lab.log.messages.cdr import encode
-from flexslew_lab.ros.namesakes import StatusFilter
+from flexslew_lab.ros.recorder.namesakes import StatusFilter
 from flexslew_plant.bench.operation.presence import Heartbeat, Heartbeats
 from flexslew_plant.ros import statuses
 from flexslew_plant.ros.statuses import StatusMonitor

@@ -100,7 +100,7 @@ def test_the_page_states_what_the_distributions_state(bill: Any) -> None:
 PERMITTED = {
     "any-OSI",  # apsw: any licence that the Open Source Initiative approves
     "Apache 2.0", "Apache License 2.0", "Apache License, Version 2.0", "Apache Software License",
-    "Apache-2.0", "BSD", "BSD License", "BSD-2-Clause", "BSD-3-Clause",
+    "3-Clause BSD License", "Apache-2.0", "BSD", "BSD License", "BSD-2-Clause", "BSD-3-Clause",
     "BSD-2-Clause AND Apache-2.0 WITH LLVM-exception",
     "BSD-3-Clause AND 0BSD AND MIT AND Zlib AND CC0-1.0",
     # casadi, of an extra: a library that is loaded, and not changed

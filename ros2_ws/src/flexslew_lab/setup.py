@@ -10,6 +10,10 @@ setup(
         "flexslew": ["py.typed"],
         "flexslew_lab": [
             "py.typed",
+            "benchmark/*.json",
+            "benchmark/*.yaml",
+            "benchmark/tasks/*.yaml",
+            "export/fmu/c/*",
             "report/*.j2",
             "studies/*.j2",
             "studies/shipped/*.yaml",
@@ -34,6 +38,7 @@ setup(
             "play = flexslew_lab.ros.play_node:main",
             "live = flexslew_lab.ros.live_node:main",
             "console = flexslew_lab.ros.console_node:main",
-        ]
+        ],
+        "gymnasium.envs": ["flexslew = flexslew_lab.gym.registration:register_tasks"],
     },
 )

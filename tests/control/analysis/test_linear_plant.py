@@ -24,12 +24,12 @@ from flexslew_plant.hardware.actuator import Actuator, ActuatorSettings
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.settings import validated
-from flexslew_plant.testbeds import TESTBEDS, read_testbed
+from flexslew_plant.testbeds import WITH_EQUATIONS, read_testbed
 from flexslew_plant.testbeds.instruments.instrument import channels
 
 OWN = f"{Path(__file__).parents[3] / 'docs/examples/three_joints.py'}:ThreeJoints"
 TRIALS = [trial.name for trial in example_trials()]
-KINDS = [*(kind for kind in TESTBEDS if kind != "spacecraft"), OWN]
+KINDS = [*(kind for kind in WITH_EQUATIONS if kind != "spacecraft"), OWN]
 PUSHED = {
     "kind": "spacecraft",
     "actuators": {

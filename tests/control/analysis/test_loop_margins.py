@@ -28,7 +28,7 @@ from flexslew_control.analysis.lti import Lti
 from flexslew_control.analysis.rest import rest_of
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.probing.running_law import running_law
-from flexslew_control.zero_order_hold import zero_order_hold
+from flexslew_control.linear.zero_order_hold import zero_order_hold
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.testbeds import read_testbed
 

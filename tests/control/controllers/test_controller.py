@@ -6,7 +6,7 @@ import pytest
 from tests.present import present
 
 from flexslew_control.controllers.by_joint.pd_feedforward import PdFeedforward
-from flexslew_control.controllers.controller import Controller
+from flexslew_control.controllers.controller import Activation, Controller
 from flexslew_control.law import Law, MeasuredJoints
 from flexslew_control.plan import Plan
 from flexslew_plant.events import EstimateStarted
@@ -65,7 +65,7 @@ def controller(
 ) -> Controller:
     law = law or PdFeedforward(np.full(2, 460.0), np.full(2, 920.0))
     estimator = estimator or Counting()
-    return Controller("a", estimator, law, JOINTS, PERIOD, handover_time, requires_plan)
+    return Controller("a", estimator, law, JOINTS, PERIOD, Activation(handover_time, requires_plan))
 
 
 def question(

@@ -4,19 +4,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.present import present
 
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.host import Build, ControllerHost, merged
 from flexslew_control.law import PlantDescription
-from flexslew_control.plan_file import plan_hash
 from flexslew_control.planners import make_plan
 from flexslew_control.planners.reference import ReferenceOnly
+from flexslew_control.plans.plan_file import plan_hash
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.testbeds.csa import CsaTestbed
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import FloatingOscillatorTestbed
 
 ARRAYS = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature", "applied_effort")
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
@@ -247,6 +248,42 @@ def test_a_plan_is_taken_from_the_next_question_on() -> None:
     assert (host.plan_count, host.plan_hash, host.plan_from) == (taken, plan_hash(each), (1, 4))
     host.notify(builder("pd_feedforward", CSA), 2)  # another plant, in its first epoch
     assert (host.plan_count, host.plan_hash, host.plan_from) == (taken, plan_hash(late), (0, 0))
+
+
+@pytest.mark.parametrize("received", [-1, 0, 3])
+def test_a_plan_of_a_flight_that_is_over_is_not_flown_after_the_reset(received: int) -> None:
+    """DDS may deliver the latched plans after the reset, before or after the first questions.
+
+    Args:
+        received: tick of the newest question by then; -1: none has come.
+    """
+    first = make_plan(ReferenceOnly(goal={"base_yaw": 0.1}, start=0.0, duration=1.0), CSA)
+    goal = first.position[-1]
+    of_flight = replace(first, start=2.0, position=goal + 0.001 * (first.position + 1.0))
+    host = standing()
+    for tick in range(received + 1):
+        host.observe(question(tick, 1))
+    assert host.adopt(first, False, 0) is None
+    refusal = host.adopt(of_flight, True, 0)
+    assert (refusal is None) == (received < 0), refusal  # before, the reset is not known
+    assert refusal is None or "before a reset; the bench is in epoch 1" in str(refusal)
+    host.observe(question(received + 1, 1))
+    assert host.adopt(first, False, 1) is None
+    assert host.plan is first
+    assert host.controller is not None
+    np.testing.assert_array_equal(host.controller.reference(400).position, goal)
+    assert host.adopt(of_flight, True, 1) is None
+    assert host.controller.reference(400).position[0] > goal[0]
+
+
+def test_a_plan_of_the_flight_after_a_reset_may_come_before_any_question_of_it() -> None:
+    first = make_plan(ReferenceOnly(goal={"base_yaw": 0.1}, start=0.0), CSA)
+    host = standing()
+    host.observe(question(0))
+    assert host.adopt(replace(first, start=1.0), True, 2) is None
+    assert host.epoch == 2
+    host.observe(question(0, 2))
+    assert [start.start for start, _ in present(host.controller).plan_sequence.plans] == [1.0]
 
 
 def test_a_plan_that_is_told_again_is_no_other_plan() -> None:

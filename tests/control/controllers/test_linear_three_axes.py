@@ -17,9 +17,12 @@ from flexslew_control.analysis.loop_margins import (
 )
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.lqr import GainSchedule, ScaledWeights, scaled_problem
-from flexslew_control.free_platform import rate_outputs
 from flexslew_control.law import PlantDescription, Reference
-from flexslew_control.rate_dependent_platform import RateDependentPlatform, rate_dependent_platform
+from flexslew_control.linear.free_platform import rate_outputs
+from flexslew_control.linear.rate_dependent_platform import (
+    RateDependentPlatform,
+    rate_dependent_platform,
+)
 from flexslew_lab.analysis.analysis import loop_analysis
 from flexslew_lab.analysis.proof import verify_margins
 from flexslew_lab.log.bag_reader import BagReader
@@ -30,7 +33,7 @@ from flexslew_lab.trial.trial import trial_of_values
 from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.testbeds.attitude import relative_rotation
+from flexslew_plant.testbeds.orientation.attitude import relative_rotation
 from flexslew_plant.yaml_data import load_yaml
 
 TORQUES = {

@@ -18,9 +18,10 @@ FREE_STATE = ("proportional_integral", "collocated_pid", "disturbance_accommodat
 LAWS = [law for law in CONTROLLERS if law != "planned_gains"]
 PAIRS = list(itertools.permutations(LAWS, 2))
 ROUND = list(itertools.pairwise([*LAWS, *list(LAWS)[:1]]))  # each law in from and out to one
-# gains alone, of errors and their rates; without a system the law is the plan's effort
+# gains alone, of errors and their rates: without them these laws are the plan's effort, and zero
 SETTINGS: dict[str, Any] = {
-    "linear": {"system": {"d": [[460.0, 0.0, 920.0, 0.0], [0.0, 460.0, 0.0, 920.0]]}}
+    "linear": {"system": {"d": [[460.0, 0.0, 920.0, 0.0], [0.0, 460.0, 0.0, 920.0]]}},
+    "policy": {"base": {"kp": [460.0, 460.0], "kd": [920.0, 920.0]}},
 }
 
 

@@ -18,7 +18,6 @@ from flexslew_control.estimators.attitude_filter import GyroNoise, RigidFilter
 from flexslew_control.law import Reference
 from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.testbeds.attitude import AttitudeJoints, rotation_vector
 from flexslew_plant.testbeds.instruments import (
     BodyState,
     Gyro,
@@ -30,6 +29,7 @@ from flexslew_plant.testbeds.instruments import (
 )
 from flexslew_plant.testbeds.instruments.gyro import BIAS
 from flexslew_plant.testbeds.instruments.instrument import Instrument, TickReader
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints, rotation_vector
 
 PERIOD, SEEDS, TICKS = 0.1, 80, 45
 GYRO: dict[str, Any] = {

@@ -32,7 +32,6 @@ from flexslew_control.estimators.attitude_tick import (
 from flexslew_control.law import Reference
 from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.testbeds.attitude import AttitudeJoints, skew
 from flexslew_plant.testbeds.instruments import (
     BodyState,
     Gyro,
@@ -44,6 +43,7 @@ from flexslew_plant.testbeds.instruments import (
     SunSensorSettings,
 )
 from flexslew_plant.testbeds.instruments.instrument import TickReader, channels
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints, skew
 
 PERIOD, TICKS = 0.1, 250
 

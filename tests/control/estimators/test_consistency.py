@@ -20,7 +20,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds import Model
 from flexslew_plant.testbeds.csa import CsaTestbed
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import FloatingOscillatorTestbed
 
 PERIOD, SEEDS, TICKS = 0.01, 50, 60
 NOTHING = np.zeros(0)

@@ -29,10 +29,15 @@ from flexslew_lab.reproduce.scole_flights import example_values
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.testbeds.attitude import conjugate, product, quaternion, rotation_vector
 from flexslew_plant.testbeds.instruments import BodyState, Gyro, GyroSettings
 from flexslew_plant.testbeds.instruments.gyro import BIAS as OWN_BIAS
 from flexslew_plant.testbeds.instruments.instrument import TickReader
+from flexslew_plant.testbeds.orientation.attitude import (
+    conjugate,
+    product,
+    quaternion,
+    rotation_vector,
+)
 
 PERIOD, SEEDS, TICKS = 0.1, 40, 60
 NOISE = GyroNoise(white=2e-4, walk=3e-6)

@@ -20,6 +20,7 @@ from flexslew_control.estimators.attitude_estimator import (
 from flexslew_control.estimators.attitude_tick import write_joints
 from flexslew_control.estimators.flexible_attitude_filter import AppendageModesSettings
 from flexslew_control.estimators.flexible_attitude_tick import (
+    FlexibleFilters,
     flexible_form,
     flexible_memory,
     flexible_tick,
@@ -148,12 +149,12 @@ def ticked(crafts: list[AttitudeEstimator], flights: list[Flight]) -> Matrix:
     memory = np.full((count, flexible_memory(sensors[0], known[0], len(flights[0].tips.T))), 7.0)
     packed = np.array([known[min(k, count - 1)].packed for k in range(BATCH_WIDTH)]).T
     place = kernel.place(np.ascontiguousarray(packed))
-    both, them = side_by_side(sensors), side_by_side(known)
+    filters = FlexibleFilters(side_by_side(sensors), side_by_side(known), memory, place)
     believed, found = np.empty((count, 7)), np.empty((count, TICKS, 6))
     for k in range(TICKS):
         told = np.array([np.concatenate((one.tips[k], one.effort[k])) for one in flights])
         reference = flights[0].reference[k]
-        tick(k, both, them, told, reference, memory, place, believed, count)
+        tick(k, filters, told, reference, believed, count)
         for member in range(count):
             write_joints(
                 sensors[member], believed[member], np.zeros(6), reference, found[member, k]

@@ -6,7 +6,7 @@ from flexslew_control.estimators.gained_filter import gain_filter
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.csa import CsaTestbed
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import FloatingOscillatorTestbed
 
 PERIOD = 0.01
 NOTHING = np.zeros(0)

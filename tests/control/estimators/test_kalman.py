@@ -14,11 +14,11 @@ from flexslew_control.estimators.kalman import (
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.csa import CsaTestbed
-from flexslew_plant.testbeds.floating_oscillator import (
+from flexslew_plant.testbeds.hub_with_appendages import HubTestbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import (
     FloatingOscillatorParameters,
     FloatingOscillatorTestbed,
 )
-from flexslew_plant.testbeds.hub_with_appendages import HubTestbed
 
 PERIOD = 0.01
 MODEL = CsaTestbed(modes=1).model()

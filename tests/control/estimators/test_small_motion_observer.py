@@ -11,7 +11,7 @@ from flexslew_control.estimators.small_motion_observer import (
     SmallMotionObserver,
     observer,
 )
-from flexslew_control.small_motion import design_motion
+from flexslew_control.linear.small_motion import design_motion
 from flexslew_lab.trial.sources import read_trial
 from flexslew_plant.arrays import EMPTY, Vector
 from flexslew_plant.measurement import Measurement

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from tests.present import present
 
-from flexslew_control.known_motion import PREDICTED, with_motion, with_tip_motion
 from flexslew_control.plan import Plan
+from flexslew_control.plans.known_motion import PREDICTED, with_motion, with_tip_motion
 from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.trial.trial import Trial, plan_of_trial, set_plan, set_up, trial_of_values
 

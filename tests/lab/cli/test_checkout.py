@@ -35,5 +35,7 @@ def test_outside_of_a_checkout_extras_come_by_pip(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(checkout, "__file__", str(tmp_path / "checkout.py"))
-    with pytest.raises(BadInput, match=r"'flexslew\[EXTRA\]'.* extras: casadi, console, ctrlsys,"):
+    with pytest.raises(
+        BadInput, match=r"'flexslew\[EXTRA\]'.* extras: c, casadi, console, ctrlsys,"
+    ):
         checkout.extras()

@@ -56,7 +56,7 @@ def test_an_interrupted_import_ends_in_one_line(tmp_path: Path, moment: str) -> 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", representatives(COMMANDS, "trial"))
 def test_an_interrupted_command_ends_in_one_line(tmp_path: Path, command: str) -> None:
-    moment = {"trial": "flexslew_lab.run.in_process", "plan": "flexslew_control.plan_file",
+    moment = {"trial": "flexslew_lab.run.in_process", "plan": "flexslew_control.plans.plan_file",
               "compare": "flexslew_lab.comparison.comparison"}[command]  # fmt: skip
     code, said = interrupted(COMMANDS[command], moment, tmp_path)
     assert code == 130

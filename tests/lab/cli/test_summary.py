@@ -5,7 +5,7 @@ import pytest
 from rich.console import Console
 
 from flexslew_lab.cli import terminal
-from flexslew_lab.cli.summary import metric_rows
+from flexslew_lab.cli.output.summary import metric_rows
 from flexslew_lab.metrics.from_bag import metrics_of
 
 UNITS = {"base_yaw": "rad", "hub_pitch": "rad"}

@@ -23,7 +23,7 @@ from flexslew_lab.comparison.comparison import Candidate, Description
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.records import BenchSettings
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import FloatingOscillatorTestbed
 
 BOUND = 20
 MADE = (Trial, BenchSettings, Plan, Bench, Controller, Description, Candidate)  # of the argument

@@ -35,4 +35,5 @@ def test_axe_finds_nothing(served: tuple[Page, FakeLink], width: int) -> None:
             browser.devtools("Emulation.setEmulatedMedia", {"features": [scheme, still]})
             open_tab(browser, tab)
             browser.until("return !document.querySelector('.q-tab-panel .q-transition')")
+            browser.until("return !document.querySelector('.q-tooltip')")  # it fades after a click
             assert browser.run(_RUN) == [], tab

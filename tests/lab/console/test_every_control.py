@@ -103,6 +103,7 @@ _WITHOUT = (
     "Reset",
     "Save",
     "?",
+    "Models and measurements",  # an upload, see test_uploads
 )  # of the page itself, or with a dialog
 _AFTER_WRITING = ("Apply the gains", "Note it")  # before there is nothing to send
 _WITHIN = 60.0  # for the page to say what it was told [wall s]

@@ -16,7 +16,7 @@ from flexslew_control.message_fields import plan_fields
 from flexslew_lab.console.link import Iterate, PlanCallback, RequestResult
 from flexslew_lab.console.page import Page
 from flexslew_lab.console.view import BenchView, Joints
-from flexslew_lab.identification.measurements import FIELDS
+from flexslew_lab.identification.records.measurements import FIELDS
 from flexslew_plant.bench.wire import measurement_bytes
 from flexslew_plant.graph import topics
 from flexslew_plant.graph.topics import TOPICS

@@ -22,7 +22,7 @@ from flexslew_lab.console.link import RequestResult
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.run.run_trial import Result, run_trial
-from flexslew_lab.trial.trial import parse_trial
+from flexslew_lab.trial.trial import Trial, parse_trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 
@@ -83,9 +83,11 @@ class Operator:
 
 
 @contextmanager
-def operated(folder: Path, rate: float = 0.0, duration: float = 6.0) -> Iterator[Operator]:
+def operated(
+    folder: Path, rate: float = 0.0, duration: float = 6.0, given: Trial | None = None
+) -> Iterator[Operator]:
     """Yield the operator of a bench that is flown in a thread."""
-    trial = parse_trial(TRIAL.format(rate=rate, duration=duration), "test")
+    trial = given or parse_trial(TRIAL.format(rate=rate, duration=duration), "test")
     link = InProcessLink(str(folder), "")
     operator = Operator(link)
 

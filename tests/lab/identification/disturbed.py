@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from flexslew_lab.identification.oscillators import Oscillator
-from flexslew_lab.identification.record import Output, Quantity, Record
+from flexslew_lab.identification.modal.oscillators import Oscillator
+from flexslew_lab.identification.records.record import Output, Quantity, Record
 from flexslew_plant.arrays import Vector
 
 ARM = (Oscillator(0.367, 0.0035), Oscillator(0.797, 0.0045))  # [rad/sample]

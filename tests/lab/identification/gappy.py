@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_lab.identification.clocks import Effort, record_on_clocks
-from flexslew_lab.identification.oscillators import Oscillator, double_integral
-from flexslew_lab.identification.record import Output, Quantity, Record
+from flexslew_lab.identification.modal.oscillators import Oscillator, double_integral
+from flexslew_lab.identification.records.clocks import Effort, record_on_clocks
+from flexslew_lab.identification.records.record import Output, Quantity, Record
 from flexslew_plant.arrays import Vector
 
 H = 0.04  # [s]

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from flexslew_control.free_platform import rate_outputs
 from flexslew_control.law import PlantDescription
+from flexslew_control.linear.free_platform import rate_outputs
 from flexslew_control.planners.entry import PlanTask
 from flexslew_control.planners.excitation.excitation import Excitation, plan_excitation
 from flexslew_control.planners.slew import Feedback
 from flexslew_lab.identification.identification import Experiment
-from flexslew_lab.identification.record import Output, Quantity, Record
+from flexslew_lab.identification.records.record import Output, Quantity, Record
 from flexslew_plant.arrays import Matrix, Vector, compiled
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import initial_state, read_testbed
@@ -62,7 +62,7 @@ def _kernel() -> Any:
     return kernel
 
 
-def _flown(  # noqa: PLR0913  (a kernel)
+def _flown(
     advance: Any,
     p: Vector,
     start: Vector,

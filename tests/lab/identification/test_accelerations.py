@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from flexslew_lab.cli.main import main
-from flexslew_lab.identification.foreign import external_record
-from flexslew_lab.identification.modes import ModalModel, identify_modes
-from flexslew_lab.identification.oscillators import Oscillator
-from flexslew_lab.identification.record import Output, Quantity, Record
+from flexslew_lab.identification.modal.modes import ModalModel, identify_modes
+from flexslew_lab.identification.modal.oscillators import Oscillator
+from flexslew_lab.identification.records.foreign import external_record
+from flexslew_lab.identification.records.record import Output, Quantity, Record
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 

@@ -8,9 +8,9 @@ import pytest
 from tests.lab.identification.shaken import bench, shaken
 from tests.representatives import representatives
 
+from flexslew_lab.identification.modal.modes import identify_modes
 from flexslew_lab.identification.model_file import appendage_file_text
 from flexslew_lab.identification.model_file import testbed_of as found_testbed
-from flexslew_lab.identification.modes import identify_modes
 from flexslew_plant.errors import BadInput
 
 PLAN = {"band": [0.3, 6.0], "duration": 60.0, "resolution": 0.4, "taper": 1.0}

@@ -52,6 +52,7 @@ def test_a_plan_on_the_identified_model_is_the_plan_on_the_equations(tmp_path: P
     by_equations = present(plan_of_trial(trial(written(tmp_path), model={})))
     assert by_file.effort == pytest.approx(by_equations.effort, abs=1e-6)
     assert "kind identified instead of floating_oscillator" in by_file.summary["believes"]
+    assert "\n" not in by_file.summary["believes"]
 
 
 def test_a_log_holds_the_content_and_flies_again_without_the_file(tmp_path: Path) -> None:

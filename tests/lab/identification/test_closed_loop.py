@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from tests.lab.identification.shaken import bench, shaken, truth
 
-from flexslew_lab.identification.modal_fit import modal_fit, refined
-from flexslew_lab.identification.oscillators import Oscillator
-from flexslew_lab.identification.record import Record
-from flexslew_lab.identification.regressors import RegressorSignals, reduce_rows
-from flexslew_lab.identification.separable import ModalLeastSquares
+from flexslew_lab.identification.modal.modal_fit import modal_fit, refined
+from flexslew_lab.identification.modal.oscillators import Oscillator
+from flexslew_lab.identification.modal.regressors import RegressorSignals, reduce_rows
+from flexslew_lab.identification.modal.separable import ModalLeastSquares
+from flexslew_lab.identification.records.record import Record
 from flexslew_plant.arrays import Vector
 
 BENCH = bench(kind="floating_oscillator", damping_ratio=0.02)

@@ -13,9 +13,9 @@ from scipy.io import savemat
 
 from flexslew_lab.identification.files import READERS
 from flexslew_lab.identification.files.columns import FileClock
-from flexslew_lab.identification.foreign import RecordWithNotes, external_record
-from flexslew_lab.identification.modes import identify_modes
-from flexslew_lab.identification.oscillators import Oscillator, double_integral
+from flexslew_lab.identification.modal.modes import identify_modes
+from flexslew_lab.identification.modal.oscillators import Oscillator, double_integral
+from flexslew_lab.identification.records.foreign import RecordWithNotes, external_record
 from flexslew_plant.errors import BadInput
 
 H, TICKS, INERTIA, MODE = 0.02, 3000, 2.0, Oscillator(5.0, 0.01)

@@ -12,14 +12,14 @@ from scipy.stats import binom
 from tests.lab.identification.shaken import bench, shaken, truth
 from tests.present import present
 
-from flexslew_lab.identification.foreign import external_record
-from flexslew_lab.identification.frequency_response import frequency_response
 from flexslew_lab.identification.identification import identify, validated_on
+from flexslew_lab.identification.modal.modes import identify_modes, whiteness_of
 from flexslew_lab.identification.model_file import file_text, modal_data
 from flexslew_lab.identification.model_file import testbed_of as found_testbed
-from flexslew_lab.identification.modes import identify_modes, whiteness_of
 from flexslew_lab.identification.physical_fit import fit_parameters
-from flexslew_lab.identification.record import Output, Quantity, Record
+from flexslew_lab.identification.records.foreign import external_record
+from flexslew_lab.identification.records.record import Output, Quantity, Record
+from flexslew_lab.identification.responses.frequency_response import frequency_response
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import with_changes
 from flexslew_plant.yaml_data import load_yaml

@@ -12,10 +12,10 @@ from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from flexslew_lab.cli.main import main as cli
-from flexslew_lab.identification.foreign import external_record
-from flexslew_lab.identification.from_bag import bag_of, record_of
 from flexslew_lab.identification.identification import experiment_of, identify
-from flexslew_lab.identification.record import Record
+from flexslew_lab.identification.records.foreign import external_record
+from flexslew_lab.identification.records.from_bag import bag_of, record_of
+from flexslew_lab.identification.records.record import Record
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.overrides import override_values
 from flexslew_lab.trial.sources import read_trial

@@ -9,7 +9,7 @@ from tests.lab.identification.shaken import bench
 from tests.representatives import representatives
 
 from flexslew_lab.identification.flights import FlightSimulation
-from flexslew_lab.identification.record import Output, Quantity, Record
+from flexslew_lab.identification.records.record import Output, Quantity, Record
 from flexslew_lab.trial.sources import read_trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import flat, plain

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_lab.metrics.line_of_sight import LineOfSightMetric
 from flexslew_lab.metrics.metric import Block, Ending, ReferenceManoeuvre, RunSetup
-from flexslew_lab.metrics.platform_error import PlatformError
+from flexslew_lab.metrics.platform.line_of_sight import LineOfSightMetric
+from flexslew_lab.metrics.platform.platform_error import PlatformError
 from flexslew_lab.metrics.vibration import Vibration
 from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_plant.arrays import Matrix, Vector

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.lab.metrics.blocks import ticks_of
 
-from flexslew_lab.cli.summary import metric_rows
+from flexslew_lab.cli.output.summary import metric_rows
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics import KEYS, METRICS, Metric
 from flexslew_lab.metrics.from_bag import metrics_of, user_keys_of

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import flexslew as fs
-from flexslew_control.plan_file import load_plan
+from flexslew_control.plans.plan_file import load_plan
 from flexslew_lab.cli.main import main
 from flexslew_lab.publication.archive import Statement, write_archive
 from flexslew_lab.report.run_notes import read_notes, set_note

@@ -10,7 +10,7 @@ import pytest
 
 from flexslew_control.message_fields import plan_fields
 from flexslew_control.plan import Plan
-from flexslew_control.plan_file import plan_hash
+from flexslew_control.plans.plan_file import plan_hash
 from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.replay.logged_controllers import plan_changes
 from flexslew_plant.bench.message_fields import event_fields

@@ -4,7 +4,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from tests.plant.testbeds.spacecraft.finite_elements.frames import ANGLE, arrays
 from tests.present import present
 
 from flexslew_control.controllers.user_law import find_law
@@ -39,6 +41,23 @@ duration: 1.0
 plan: {{method: reference_only, goal: {{base_yaw: 0.01, hub_pitch: 0.0}}, duration: 0.5}}
 controllers: {{mine: {{law: "{law}"}}}}
 active: mine
+"""
+
+WITH_DATA = """
+name: own
+duration: 0.5
+testbed:
+  kind: spacecraft
+  platform: {{mass: 200.0, inertia: {{xx: 35.0, yy: 30.0, zz: 32.0}}}}
+  appendages:
+    left:
+      hinge: {{place: [0.0, 0.6, 0.0]}}
+      shape: {{kind: finite_elements, file: {file}, modes: 2, damping_ratio: 0.01}}
+  actuators: {{}}
+  wheels: {{roll: {{axis: [1.0, 0.0, 0.0], inertia: 0.02, limit: 0.5, momentum_limit: 10.0}}}}
+plan: {{method: reference_only, goal: {{roll: 0.001}}, duration: 0.4}}
+controllers: {{pd_feedforward: {{kp: [12.0], kd: [60.0]}}}}
+active: pd_feedforward
 """
 
 
@@ -137,3 +156,23 @@ def test_nothing_is_trusted_unless_it_is_named() -> None:
             find_law("b.B", "test", (), trust)
     path = Path(__file__)
     assert file_of(f"{path}:Anything") == path
+
+
+def test_the_log_holds_the_hashes_of_its_data(tmp_path: Path) -> None:
+    """Of each file that is read for an appendage, also of those beside the one that is named."""
+    panel = tmp_path / "panel.npz"
+    np.savez(panel, **arrays(ANGLE, 3))
+    trial = parse_trial(WITH_DATA.format(file=panel), "test")
+    run_trial(trial, "test", tmp_path / "run", in_process=True, report=False)
+    bag = tmp_path / "run" / "bag"
+    recorded = json.loads(BagReader(bag).metadata["own_code"])
+    assert recorded == {str(panel): code_hash(str(panel))}
+    with pytest.raises(Untrusted, match=f"--trust {panel}.*; it is the file that was recorded"):
+        resim(bag)
+    assert resim(bag, trust=Trust.of([str(panel)])).changed_code == {}
+    np.savez(panel, **arrays(ANGLE, 4))
+    with pytest.raises(Untrusted, match="it is NOT the file that was recorded"):
+        resim(bag)
+    again = resim(bag, trust=Trust.of([str(panel)]))
+    assert again.changed_code.keys() == {str(panel)}
+    assert not again.identical

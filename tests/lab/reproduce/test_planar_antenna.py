@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexslew_control.small_motion import small_motion
+from flexslew_control.linear.small_motion import small_motion
 from flexslew_lab.reproduce.planar_antenna import before, planar
 from flexslew_lab.reproduce.scole_flights import example_trial
 

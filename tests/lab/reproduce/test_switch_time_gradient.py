@@ -11,8 +11,8 @@ from flexslew_lab.reproduce.switch_time_gradient import (
 )
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds.csa import CsaTestbed
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 from flexslew_plant.testbeds.hub_with_appendages import FOOT_POUND, HubTestbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import FloatingOscillatorTestbed
 
 # testbed, distance, amplitude, robust, published switch times and t_f
 PUBLISHED = [

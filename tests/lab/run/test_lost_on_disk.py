@@ -13,7 +13,7 @@ import pytest
 from flexslew_lab.cli.main import main
 from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.run.run_trial import Result, run_trial
+from flexslew_lab.run.run_trial import Result, RunFeedback, run_trial
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.bench.bench import Truth
 
@@ -32,7 +32,7 @@ def flown(tmp_path: Path, then: Callable[[], None], report: bool = False) -> Res
         if tick == 1000:
             then()
 
-    return run_trial(trial, "test", tmp_path / "run", True, report, progress)
+    return run_trial(trial, "test", tmp_path / "run", True, report, RunFeedback(progress))
 
 
 def test_a_folder_that_is_removed_in_flight_is_a_fault(tmp_path: Path) -> None:
@@ -95,7 +95,12 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(tmp_path: Path) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
         trial = parse_trial(TRIAL, "test")
         result = run_trial(
-            trial, "test", tmp_path / "run", True, True, lambda tick, last: ticks.append(tick)
+            trial,
+            "test",
+            tmp_path / "run",
+            True,
+            True,
+            RunFeedback(lambda tick, last: ticks.append(tick)),
         )
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from flexslew_lab.log.files.read_limits import MIB, read_at_most
-from flexslew_lab.run.run_trial import run_trial
+from flexslew_lab.run.run_trial import RunFeedback, run_trial
 from flexslew_lab.trial.trial import Trial, parse_trial, trial_of_values, trial_text
 from flexslew_plant import yaml_data
 from flexslew_plant.errors import BadInput
@@ -52,7 +52,12 @@ def test_a_plan_that_outlives_the_run_is_told(
     text = f"duration: {duration}\nplan: {{method: none, duration: 1.5}}"
     said: list[str] = []
     run_trial(
-        parse_trial(text, "t.yaml"), "t.yaml", tmp_path / "run", True, False, notify=said.append
+        parse_trial(text, "t.yaml"),
+        "t.yaml",
+        tmp_path / "run",
+        True,
+        False,
+        feedback=RunFeedback(notify=said.append),
     )
     warning = [line for line in said if line.startswith("warning: the plan ends at 1.5 s")]
     assert bool(warning) == warned
@@ -84,7 +89,9 @@ def test_modes_that_no_tip_shows_are_told(tmp_path: Path, form: str, blind: bool
     file.write_text(_MODES + form)
     said: list[str] = []
     trial = parse_trial(_PANEL.format(file=file), "t.yaml")
-    run_trial(trial, "t.yaml", tmp_path / "run", True, False, notify=said.append)
+    run_trial(
+        trial, "t.yaml", tmp_path / "run", True, False, feedback=RunFeedback(notify=said.append)
+    )
     assert any("no tip shows any mode, of 1" in line for line in said) == blind
 
 

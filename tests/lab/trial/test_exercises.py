@@ -59,7 +59,7 @@ from typing import Literal
 
 from flexslew_plant.settings import section
 from flexslew_plant.testbeds.entry import TestbedEntry
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import FloatingOscillatorTestbed
 
 
 @section

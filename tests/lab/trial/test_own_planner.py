@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from flexslew_control.plan import Plan
-from flexslew_control.plan_file import load_plan
-from flexslew_control.planning import Iteration, PlanProcess, StartOfPlan, plan_request
+from flexslew_control.plan_service.planning import Iteration, PlanProcess, StartOfPlan, plan_request
+from flexslew_control.plans.plan_file import load_plan
 from flexslew_lab.cli.main import app
 from flexslew_lab.comparison.comparison import compare_candidates
 from flexslew_lab.comparison.laws import laws

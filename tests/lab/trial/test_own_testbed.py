@@ -30,6 +30,7 @@ LAWS = {
     "linear": {"system": {"d": [[0.0] * 6] * 3}, "allow_unstable": True},
     "lqr": {"weights": {"deflection": 1.0, "time": 3.0}},
     "model_predictive": {"weights": {"deflection": 1.0, "time": 3.0}},
+    "policy": {"base": GAINS},
     "output_feedback": {"effort_noise": 1e-5, "modal_noise": 1e-7},
     "proportional_integral": {"weights": {"deflection": 1.0, "time": 3.0}},
 }
@@ -44,7 +45,7 @@ RETARGETING = {
 # with equations that are compiled already
 OSCILLATOR = """
 from flexslew_plant.settings import section
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import FloatingOscillatorTestbed
 
 @section
 class Own(FloatingOscillatorTestbed):

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from tests.present import present
 
-from flexslew_control.plan_file import save_plan
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
+from flexslew_control.plans.plan_file import save_plan
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.sources import example_trials, read_trial, trial_path
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial, trial_text

@@ -11,6 +11,7 @@ import pytest
 
 from flexslew_control.controllers import CONTROLLERS, CommonSettings
 from flexslew_control.planners import PLANNERS
+from flexslew_lab.benchmark.task_settings import TaskSettings
 from flexslew_lab.studies.study_settings import StudySettings
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import Trial, parse_trial
@@ -36,7 +37,13 @@ def sections(kind: Any) -> set[type[Any]]:
     return set[type[Any]]().union(*(sections(part) for part in get_args(kind)))
 
 
-KINDS = (Trial, StudySettings, CommonSettings, *(e.settings for e in CONTROLLERS.values()))
+KINDS = (
+    Trial,
+    StudySettings,
+    TaskSettings,
+    CommonSettings,
+    *(e.settings for e in CONTROLLERS.values()),
+)
 SECTIONS = sorted(set().union(*map(sections, KINDS)), key=lambda kind: kind.__name__)
 
 

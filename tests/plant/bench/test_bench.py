@@ -9,7 +9,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.settings import validated
-from flexslew_plant.testbeds import TESTBEDS, read_testbed
+from flexslew_plant.testbeds import WITH_EQUATIONS, read_testbed
 from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed
 
 
@@ -113,7 +113,7 @@ def test_a_truth_that_was_taken_stays_as_it_was() -> None:
     np.testing.assert_array_equal(question.joint_position, kept.position[:2])
 
 
-@pytest.mark.parametrize("kind", TESTBEDS)
+@pytest.mark.parametrize("kind", WITH_EQUATIONS)
 def test_every_testbed_ticks(kind: Any) -> None:
     bed = Bench(validated(BenchSettings, {"testbed": {"kind": kind}, "active": "a"}, "here"))
     state = flown(bed, 20)

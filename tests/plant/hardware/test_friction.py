@@ -16,7 +16,7 @@ from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.hardware.friction import Friction, balanced, friction_velocity
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds.csa import CsaTestbed
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import FloatingOscillatorTestbed
 
 OSCILLATOR = FloatingOscillatorTestbed().model()  # masses of 1 kg, a spring of 1 N/m
 CSA = CsaTestbed(modes=2).model()
@@ -82,8 +82,8 @@ def test_the_friction_of_many_coupled_joints_is_in_balance() -> None:
         half = rng.normal(size=(4, 4))
         mobility = half @ half.T + 0.01 * np.eye(4)
         free, v = rng.normal(size=4), rng.normal(size=4)
-        law, dt = (np.full(4, 0.3), np.full(4, 0.5), 1e-3), 0.05
-        r = balanced(np.zeros(4), free, mobility, v, *law, dt)
+        law, dt = np.array([np.full(4, 0.3), np.full(4, 0.5)]), 0.05
+        r = balanced(np.zeros(4), free, mobility, v, law, 1e-3, dt)
         for i, a in enumerate(np.diag(mobility)):
             g = free[i] + mobility[i] @ r - a * r[i]
             after = friction_velocity(v[i], g, a * 0.3, a * 0.5, 1e-3, dt)

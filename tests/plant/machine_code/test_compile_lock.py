@@ -5,6 +5,7 @@ import importlib
 import multiprocessing
 import os
 import signal
+import sys
 from pathlib import Path
 from threading import Timer
 from typing import Any
@@ -131,6 +132,22 @@ def test_no_entry_of_an_index_is_lost_when_processes_save_at_the_same_time(tmp_p
         each.join()
     index = FilesForGood(str(tmp_path), "name", (1.0, 2))._load_index()
     assert set(index) == {(process, k) for process in range(4) for k in range(25)}
+
+
+def test_an_index_with_types_of_a_module_that_was_moved_is_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "moved.py").write_text("class Key:\n    pass\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    before = FilesForGood(str(tmp_path), "name", (1.0, 2))
+    before.save(importlib.import_module("moved").Key, "machine code")
+    (tmp_path / "moved.py").unlink()
+    monkeypatch.delitem(sys.modules, "moved")
+    importlib.invalidate_caches()
+    after = FilesForGood(str(tmp_path), "name", (2.0, 2))
+    assert after.load(int) is None
+    after.save(int, "new machine code")
+    assert after.load(int) == "new machine code"
 
 
 def test_two_specialisations_of_a_function_are_compiled_at_the_same_time(

@@ -13,7 +13,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import (
-    TESTBEDS,
+    WITH_EQUATIONS,
     design_testbed,
     initial_positions,
     initial_state,
@@ -23,7 +23,7 @@ from flexslew_plant.testbeds import (
 from flexslew_plant.testbeds.scene import schematic
 
 OWN = f"{Path(__file__).parents[3] / 'docs/examples/three_joints.py'}:ThreeJoints"
-KINDS = [*TESTBEDS, OWN]
+KINDS = [*WITH_EQUATIONS, OWN]
 # factors on the packed parameters that take the dependence on time away
 FROZEN = {"varying_oscillator": np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0])}
 # q is as long as v; a free platform turns by quaternions, see spacecraft/test_jacobian.py
@@ -40,7 +40,7 @@ def bed(kind: Any, **more: Any) -> Any:
 
 def damped(kind: Any, ratio: float) -> Any:
     """Return a testbed whose modes are damped, with the keys that its entry gives as an example."""
-    given = TESTBEDS[kind].example if kind in TESTBEDS else {}
+    given = WITH_EQUATIONS[kind].example if kind in WITH_EQUATIONS else {}
     return bed(kind, **(given or {"damping_ratio": ratio}))
 
 

@@ -13,7 +13,7 @@ CLASSES = {
     "Arrays": """
 import numpy as np
 from flexslew_plant.settings import section
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import FloatingOscillatorTestbed
 
 class Thing:
     pass

@@ -6,11 +6,11 @@ import pytest
 from tests.present import present
 
 from flexslew_plant.settings import validated
-from flexslew_plant.testbeds import TESTBEDS, TestbedSettings
+from flexslew_plant.testbeds import WITH_EQUATIONS, TestbedSettings
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 # q is as long as v; the free platform, where it is not, has tests of its own
-SAME_LENGTHS = [kind for kind in TESTBEDS if kind != "spacecraft"]
+SAME_LENGTHS = [kind for kind in WITH_EQUATIONS if kind != "spacecraft"]
 
 
 def section_of(kind: Any) -> Any:

@@ -12,9 +12,9 @@ from flexslew_control.controllers import (
     law_values,
 )
 from flexslew_control.controllers.host import merged
-from flexslew_control.known_motion import PREDICTED
 from flexslew_control.law import ActiveLaw
 from flexslew_control.plan import Plan, with_warning
+from flexslew_control.plans.known_motion import PREDICTED
 from flexslew_plant.bench.schedule import Schedule
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (

@@ -7,13 +7,13 @@ import numpy as np
 from flexslew_control.controllers.controller import Answer
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.plan import Plan
-from flexslew_control.plan_file import plan_hash
+from flexslew_control.plans.plan_file import plan_hash
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.wire import Stamp
 from flexslew_plant.errors import BadInput
 from flexslew_plant.message_codec import packer
 from flexslew_plant.refusal import Refusal
-from flexslew_plant.testbeds.attitude import AttitudeJoints
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints
 from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 _NO_GAINS: Matrix = np.zeros((0, 0))

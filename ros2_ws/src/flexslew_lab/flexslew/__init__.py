@@ -8,7 +8,8 @@ flight["tip"], flight.metrics["residual_tip_deflection"]
 trial, fly, read and sweep fly trials; Flight and Sweep are what comes back; laws(), planners()
 and testbeds() list what there is; bench puts a trial on a Bench that is stepped by hand. plan,
 compare, analyse, gains, identify and study are the commands of these names, prove is
-`analyse --prove`. plot draws runs for a paper. save_law keeps a design of python-control for a
+`analyse --prove`, worst_case `analyse --guarantee`. uncertain_model pulls uncertain parameters out
+of a plant. plot draws runs for a paper. save_law keeps a design of python-control for a
 trial file; minimal leaves out of a model what nothing moves or sees. A name is imported when it is
 used first.
 """
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
         plot,
         prove,
         study,
+        uncertain_model,
+        worst_case,
     )
     from flexslew_lab.notebook import fly, linear_model, nonlinear_model, read, trial
     from flexslew_lab.sweep import Sweep, sweep
@@ -79,6 +82,8 @@ __all__ = [
     "sweep",
     "testbeds",
     "trial",
+    "uncertain_model",
+    "worst_case",
 ]
 
 _HOMES = {  # modules that are imported when one of their names is used first
@@ -98,6 +103,8 @@ _HOMES = {  # modules that are imported when one of their names is used first
         "plot",
         "prove",
         "study",
+        "uncertain_model",
+        "worst_case",
     ),
     "flexslew_lab.notebook": ("fly", "linear_model", "nonlinear_model", "read", "trial"),
     "flexslew_lab.sweep": ("Sweep", "sweep"),

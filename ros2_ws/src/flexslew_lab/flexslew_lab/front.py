@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     from flexslew_lab.analysis.proof import Proof
     from flexslew_lab.comparison.comparison import Comparison
     from flexslew_lab.gains.search import FoundGains
+    from flexslew_lab.guarantee.parameters import Vary
+    from flexslew_lab.guarantee.uncertain_model import UncertainModel
+    from flexslew_lab.guarantee.worst_case import WorstCase
     from flexslew_lab.identification.identification import Experiment, Identification
     from flexslew_lab.studies.study import Study
 
@@ -104,6 +107,54 @@ def prove(what: What, found: Analysis) -> Proof:
     given = trial_from(what)
     with display_library_progress(given.name, words="flying at both sides of the margins"):
         return verify_margins(given, found)
+
+
+def uncertain_model(what: What, vary: Vary, at: float | str | None = None) -> UncertainModel:
+    """Return the sampled plant of a trial as a linear fractional form in uncertain parameters.
+
+    Its `system` is M of python-control, with w = Delta v around it; `save` writes a .mat file.
+
+    Args:
+        what: as from `trial`, or what `trial` takes.
+        vary: name to half of the range, relative (0.2 or "20 %"), or to its ends ([0.5, 2.0]);
+            names: stiffness, payload, gain, gain.JOINT, lag, delay, testbed.KEY.
+        at: simulated time [s], or with a unit; None: the start.
+
+    Raises:
+        BadInput: if there is no such trial, or a parameter is not understood.
+    """
+    from flexslew_lab.guarantee.uncertain_model import uncertain_model_of
+
+    given = trial_from(what)
+    with display_library_progress(given.name, words="fitting"):
+        return uncertain_model_of(given, vary, at)
+
+
+def worst_case(
+    what: What = "m1",
+    vary: Vary | None = None,
+    controller: str | None = None,
+    at: float | str | None = None,
+    **joints: float | str,
+) -> WorstCase:
+    """Return bounds of stability and of S and T over all values of uncertain parameters.
+
+    Args:
+        what: as from `trial`, or what `trial` takes.
+        vary: as for `uncertain_model`; None: stiffness and payload +-20 %.
+        controller: as for `analyse`.
+        at: as for `analyse`.
+        **joints: as for `analyse`.
+
+    Raises:
+        BadInput: as `analyse`, if a parameter is not understood, or the loop is not stable.
+    """
+    from flexslew_lab.guarantee.worst_case import worst_case_of
+
+    given = trial_from(what)
+    found = analyse(given, controller, at, **joints)
+    with display_library_progress(given.name, words="bounding the worst case"):
+        return worst_case_of(given, found, vary)
 
 
 def gains(
@@ -185,8 +236,8 @@ def identify(
         fit: keys of the testbed to fit, as `parameters.bending_stiffness`.
         start: key to number, the start of a fit.
         columns: of files of another bench, as the command's options: inputs ["u=hub"], outputs
-            ["x=position.hub", "a=acc.tip"], period, past, time, time_unit, stamps; None: the runs
-            are of this bench.
+            ["x=position.hub", "a=acc.tip"], period, past, hold, time, time_unit, stamps; None: the
+            runs are of this bench.
         trust: testbed class of the user's own that may be loaded.
 
     Raises:
@@ -212,7 +263,7 @@ def identify(
 
 def _from_files(files: Sequence[Path], columns: Mapping[str, Any]) -> list[Experiment]:
     """Return experiments in files of another bench; their notes are warnings at the call."""
-    from flexslew_lab.identification.file_experiment import FileColumns, experiment_of_file
+    from flexslew_lab.identification.records.file_experiment import FileColumns, experiment_of_file
 
     chosen: FileColumns = validated(FileColumns, dict(columns), "columns")
     found = []

@@ -19,14 +19,14 @@ import numpy as np
 from flexslew_control.analysis.save_law import law_of_system
 from flexslew_control.controllers import LINEAR
 from flexslew_control.plan import Plan
-from flexslew_control.plan_file import plan_hash
+from flexslew_control.plans.plan_file import plan_hash
 from flexslew_lab.trial.sources import with_method
 from flexslew_lab.trial.trial import Trial, law_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.settings import section
-from flexslew_plant.testbeds.attitude import AttitudeJoints
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints
 
 MODULE = "flexslew_given"
 _CLASSES: dict[Hashable, type[Any]] = {}  # by function (each keeps its own alive), or content

@@ -33,7 +33,7 @@ from flexslew_lab.metrics.from_bag import metrics_from, user_keys_of
 from flexslew_lab.named import BySignal, Named
 from flexslew_lab.progress import display_library_progress
 from flexslew_lab.report.signals import read_signals
-from flexslew_lab.run.run_trial import Result, run_trial
+from flexslew_lab.run.run_trial import Result, RunFeedback, run_trial
 from flexslew_lab.trial.outputs import bag_folder
 from flexslew_lab.trial.sources import changed_values, label_of, trial_path
 from flexslew_lab.trial.trial import Trial, checked_trial, parse_trial, plant_of, text_of
@@ -110,7 +110,7 @@ def fly(what: What = "m1", folder: Path | str | None = None) -> Flight:
     with ExitStack() as stack:
         run = place(folder, "folder") if keep else Path(stack.enter_context(TemporaryDirectory()))
         count = stack.enter_context(display_library_progress(what.name, "ticks", "flying"))
-        result = run_trial(what, "notebook", run, True, keep, count, warn=warn)
+        result = run_trial(what, "notebook", run, True, keep, RunFeedback(count, warn=warn))
         return _flight_of(result, what.trust)
 
 

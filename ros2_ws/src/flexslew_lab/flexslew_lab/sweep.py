@@ -16,7 +16,7 @@ from flexslew_lab.metrics.rows import flat
 from flexslew_lab.named import Named
 from flexslew_lab.notebook import What, by_path, plain_data, trial
 from flexslew_lab.progress import display_library_progress
-from flexslew_lab.run.run_trial import run_trial
+from flexslew_lab.run.run_trial import RunFeedback, run_trial
 from flexslew_lab.short_values import short
 from flexslew_plant.arrays import Tensor
 from flexslew_plant.errors import BadInput
@@ -124,7 +124,12 @@ def sweep(
                 messages: list[str] = []
                 source = f"sweep point {number}"
                 found = run_trial(
-                    one, source, folder, in_process=True, report=False, warn=messages.append
+                    one,
+                    source,
+                    folder,
+                    in_process=True,
+                    report=False,
+                    feedback=RunFeedback(warn=messages.append),
                 )
                 rows.append(_numbers(found.metrics))
                 for words in messages:

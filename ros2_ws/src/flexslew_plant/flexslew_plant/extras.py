@@ -10,16 +10,22 @@ EXTRAS = {
     "control": "control",
     "ctrlsys": "ctrlsys",
     "distributed": "dask",
+    "fmpy": "fmu",
     "foxglove": "foxglove",
+    "gymnasium": "gym",
     "h5py": "measurements",
     "matplotlib": "control",
     "nicegui": "console",
+    "onnxruntime": "onnx",
     "optuna": "gains",
     "pandas": "pandas",
     "pyarrow": "export",
     "pyuff": "measurements",
+    "pyyeti": "nastran",
+    "serial": "serial",
     "websockets": "foxglove",
     "xarray": "xarray",
+    "ziglang": "c",
 }
 WITH_PIP = "control"  # what `pip install .` brings without an extra
 LOCK = "requirements.extra.{}.lock.txt"  # in setup/, for `./flexslew extras NAME`

@@ -3,20 +3,16 @@
 SciPy's reader and HDF5, which are run here as a program, end their process over some damaged files.
 """
 
-import json
-import subprocess
-import sys
-from io import BytesIO
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from flexslew_plant.reader_process import Unreadable, read_arrays, write_arrays
+
 _VERSION_7_3 = b"\x00\x02IM"  # bytes 124 to 127, also where MATLAB writes big-endian: never
-_ERROR = "refused"  # key of what the reader prints, in place of the variables
-_NAMES = "="  # of the array that holds all but numbers as JSON; no variable is called so
 MOST = 1_000_000  # numbers of a matrix
-_TIMEOUT = 60.0  # of a reader [s]
-_MEMORY = 256 << 20  # of a reader, besides its modules [B]
-_TOO_LARGE = 3  # exit code of a reader that needs more
+_MEMORY = 256 << 20  # of the reader, besides its modules [bytes]
+_DAMAGED = "it is no MATLAB file of version 5 to 7.3, or damaged"
 
 
 def read_mat(
@@ -41,27 +37,12 @@ def read_mat(
         ValueError: it is damaged or no such file, a variable holds no numbers, or it is of version
             7.3 and h5py is missing.
     """
-    from flexslew_plant.npz_file import read_npz
-
     with path.open("rb") as file:
         hdf5 = file.read(128)[124:] == _VERSION_7_3
     if hdf5:
         _require_h5py()
-    request = [sys.executable, "-P", __file__, str(path)]
-    request.append(json.dumps([numbers, names, sparse, most, hdf5]))
-    try:
-        done = subprocess.run(request, capture_output=True, timeout=_TIMEOUT, check=True)
-    except subprocess.TimeoutExpired:
-        raise ValueError(f"its reader has not ended within {_TIMEOUT:g} s") from None
-    except subprocess.CalledProcessError as error:
-        if error.returncode == _TOO_LARGE:
-            raise ValueError(f"it unpacks to more than {_MEMORY >> 20} MiB") from None
-        raise ValueError("it is no MATLAB file of version 5 to 7.3, or damaged") from None
-    arrays = read_npz(BytesIO(done.stdout))
-    found: dict[str, Any] = json.loads(str(arrays.pop(_NAMES)))
-    if why := found.pop(_ERROR, ""):
-        raise ValueError(why)
-    return arrays | found
+    request = (numbers, names, sparse, most, hdf5)
+    return read_arrays("flexslew_plant.mat_file", path, request, _MEMORY, _DAMAGED)
 
 
 def _require_h5py() -> None:
@@ -76,33 +57,30 @@ def _require_h5py() -> None:
         )
 
 
-class _NoNumbers(Exception):
-    """A variable is no matrix of real numbers."""
-
-
-def _main(path: str, request: str) -> None:
-    """Write the variables as an .npz file."""
-    import numpy as np
-
-    numbers, names, sparse, most, hdf5 = json.loads(request)
-    try:
-        if hdf5:
-            arrays, texts, present = _read_hdf5(path, numbers, names, most)
-        else:
-            arrays, texts, present = _read_version_5(path, numbers, names, sparse, most)
-        found = texts | {name: None for name in present if name not in {*texts, *arrays}}
-        content: dict[str, Any] = {_NAMES: np.array(json.dumps(found)), **arrays}
-    except MemoryError:
-        sys.exit(_TOO_LARGE)
-    except _NoNumbers as error:
-        content = {_NAMES: np.array(json.dumps({_ERROR: str(error)}))}
-    buffer = BytesIO()
-    np.savez(buffer, **content)
-    sys.stdout.buffer.write(buffer.getvalue())
+def _read(
+    path: str,
+    numbers: list[str],
+    names: list[str],
+    sparse: bool,
+    most: int,
+    hdf5: bool,
+    limit_memory: Callable[[], None],
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return matrices, and lists of texts by name; None for other variables."""
+    if hdf5:
+        arrays, texts, present = _read_hdf5(path, numbers, names, most, limit_memory)
+    else:
+        arrays, texts, present = _read_version_5(path, numbers, names, sparse, most, limit_memory)
+    return arrays, texts | {name: None for name in present if name not in {*texts, *arrays}}
 
 
 def _read_version_5(
-    path: str, numbers: list[str], names: list[str], sparse: bool, most: int
+    path: str,
+    numbers: list[str],
+    names: list[str],
+    sparse: bool,
+    most: int,
+    limit_memory: Callable[[], None],
 ) -> tuple[dict[str, Any], dict[str, Any], list[str]]:
     """Return matrices, sparse ones and lists of texts, and the names of all variables."""
     import numpy as np
@@ -113,7 +91,7 @@ def _read_version_5(
         value: Any = variables[key]
         is_sparse = issparse(value)
         if not is_sparse and (not isinstance(value, np.ndarray) or value.dtype.kind not in "biufc"):
-            raise _NoNumbers(_no_matrix(key))
+            raise Unreadable(_no_matrix(key))
         _check_size(key, value.shape, most)
         return _real(key, value.toarray() if is_sparse else value)
 
@@ -127,7 +105,7 @@ def _read_version_5(
             entry = entry.ravel()[0]
         return str(entry).strip()
 
-    _limit_memory()
+    limit_memory()
     variables = loadmat(path, variable_names=[*numbers, *names])
     present = [name for name, _, _ in whosmat(path) if not name.startswith("__")]
 
@@ -145,7 +123,7 @@ def _read_version_5(
 
 
 def _read_hdf5(
-    path: str, numbers: list[str], names: list[str], most: int
+    path: str, numbers: list[str], names: list[str], most: int, limit_memory: Callable[[], None]
 ) -> tuple[dict[str, Any], dict[str, Any], list[str]]:
     """Return the same of version 7.3, which is HDF5 with matrices turned."""
     import h5py
@@ -154,34 +132,34 @@ def _read_hdf5(
     def matrix(key: str) -> Any:
         node = member(key)
         if not isinstance(node, h5py.Dataset) or node.dtype.kind not in "biufV":
-            raise _NoNumbers(_no_matrix(key))
+            raise Unreadable(_no_matrix(key))
         if node.external or node.is_virtual:
-            raise _NoNumbers(f"{key} lies in another file")
+            raise Unreadable(f"{key} lies in another file")
         _check_size(key, node.shape, most)
         if node.attrs.get("MATLAB_empty", 0):
             return np.zeros(tuple(int(n) for n in node[()][:2]))
         value = node[()].T
         if value.dtype.kind == "V":
             if value.dtype.names != ("real", "imag"):
-                raise _NoNumbers(_no_matrix(key))
+                raise Unreadable(_no_matrix(key))
             value = value["real"] + 1j * value["imag"]
         return _real(key, value)
 
     def member(key: str) -> Any:
         if not isinstance(file.get(key, getlink=True), h5py.HardLink):
-            raise _NoNumbers(f"{key} lies in another file")
+            raise Unreadable(f"{key} lies in another file")
         return file[key]
 
     def text(key: str) -> list[str]:
         node = member(key)
         if not isinstance(node, h5py.Dataset) or node.size > most:
-            raise _NoNumbers(f"{key} holds no text")
+            raise Unreadable(f"{key} holds no text")
         if node.dtype.kind in "iu":
             return ["".join(map(chr, row)) for row in np.atleast_2d(node[()].T)]
         cells = [file[one][()] for one in node[()].ravel(order="F")]
         return ["".join(map(chr, cell.ravel(order="F"))) for cell in cells]
 
-    _limit_memory()
+    limit_memory()
     with h5py.File(path, "r") as file:
         present = [str(name) for name in file if not name.startswith("#")]
         arrays = {key: matrix(key) for key in numbers if key in present}
@@ -198,7 +176,7 @@ def _check_size(key: str, shape: tuple[int, ...], most: int) -> None:
         size *= one
     if size > most:
         extent = " x ".join(map(str, shape))
-        raise _NoNumbers(f"{key} has {extent} numbers, at most {most:,} are read")
+        raise Unreadable(f"{key} has {extent} numbers, at most {most:,} are read")
 
 
 def _real(key: str, value: Any) -> Any:
@@ -206,21 +184,9 @@ def _real(key: str, value: Any) -> Any:
     if value.dtype.kind != "c":
         return value
     if value.imag.any():
-        raise _NoNumbers(f"{key} holds complex numbers; a system has real ones")
+        raise Unreadable(f"{key} holds complex numbers; a system has real ones")
     return value.real
 
 
-def _limit_memory() -> None:
-    """Limit the address space of this process, where the system can."""
-    try:
-        import resource
-
-        pages = int(Path("/proc/self/statm").read_text().split()[0])
-    except (ImportError, OSError):
-        return
-    limit = pages * resource.getpagesize() + _MEMORY
-    resource.setrlimit(resource.RLIMIT_AS, (limit, resource.getrlimit(resource.RLIMIT_AS)[1]))
-
-
 if __name__ == "__main__":
-    _main(*sys.argv[1:])
+    write_arrays(_read)

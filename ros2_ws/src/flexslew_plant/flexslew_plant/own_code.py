@@ -12,7 +12,7 @@ import os
 import shlex
 import sys
 import traceback
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -102,6 +102,20 @@ def require_file(trust: Trust, path: str, source: str) -> None:
         raise Untrusted(f"{words}; {allow_words(path)}", path)
 
 
+def require_command(trust: Trust, command: Sequence[str], source: str) -> None:
+    """Require that a program may be started.
+
+    Raises:
+        Untrusted: if it may not; the message names the SHA-256 of its files.
+    """
+    name = shlex.join(command)
+    if trust.is_allowed(name):
+        return
+    digest = code_hash(name) or "no file of it is here"
+    words = f"{source}: refused to run {name:.200} (SHA-256 {digest}), which is named there"
+    raise Untrusted(f"{words}; read it first, then {allow_words(name)}", name)
+
+
 def allow_words(name: str) -> str:
     """Return how the use of a class or a file is allowed, for the shell."""
     return f"allow it with --trust {shlex.quote(name)}"
@@ -136,6 +150,8 @@ def file_of(name: str) -> Path | None:
 def code_hash(name: str) -> str:
     """Return the SHA-256 of the file that a name stands for, hexadecimal; empty: no such file.
 
+    A name may be a command, too: then of its files, one after the other.
+
     Python imports a module once: of a class of one, the file is meant as it was when the class was
     found first here, which is what runs, even if it has changed since.
     """
@@ -144,7 +160,17 @@ def code_hash(name: str) -> str:
     if isinstance(found, type) and name in (known := _FOUND.get(found, {})):
         return known[name]
     path = file_of(name)
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path is not None else ""
+    files = _files_of_command(name) if path is None else [path]
+    return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest() if files else ""
+
+
+def _files_of_command(name: str) -> list[Path]:
+    """Return the files that the command of a program names: itself, a script, data."""
+    try:
+        parts = shlex.split(name)
+    except ValueError:
+        return []
+    return [path for path in map(Path, parts) if path.is_file()]
 
 
 def find_class(
@@ -167,7 +193,7 @@ def find_class(
     """
     installed = _installed(group)
     if name not in installed and is_user_code(name):
-        _require_trust(trust, name, source)
+        require_trust(trust, name, source)
     try:
         if name in installed:
             found = installed[name].load()
@@ -214,15 +240,19 @@ def _cached_entry_points(group: str, _: tuple[tuple[str, int], ...]) -> dict[str
     return {point.name: point for point in entry_points(group=group)}
 
 
-def _require_trust(trust: Trust, name: str, source: str) -> None:
+def require_trust(trust: Trust, name: str, source: str) -> None:
+    """Require that the class of this name may be loaded.
+
+    Raises:
+        Untrusted: if it may not; the message names its file and SHA-256.
+    """
     if trust.is_allowed(name):
         return
     path, digest = file_of(name), code_hash(name)
     if path is None:
         raise Untrusted(
             f"{source}: refused to run {name} (which is not found here), which is named there; "
-            f"read the class first, then {allow_words(name)}; a controller that was a "
-            "program of its own cannot be run again",
+            f"read the class first, then {allow_words(name)}",
             name,
         )
     words = f"{source}: refused to run {name} ({path.resolve()}, SHA-256 {digest}), which is named "

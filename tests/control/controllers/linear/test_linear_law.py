@@ -16,8 +16,8 @@ from flexslew_control.analysis.save_law import save_law
 from flexslew_control.controllers import CONTROLLERS, build_controller, with_file
 from flexslew_control.controllers.host import merged
 from flexslew_control.controllers.linear.linear_law import LinearSettings, to_discrete
+from flexslew_control.controllers.linear_form import LinearObserver
 from flexslew_control.law import Reference
-from flexslew_control.linear_form import LinearObserver
 from flexslew_lab.analysis.analysis import loop_analysis
 from flexslew_lab.notebook import fly, trial
 from flexslew_lab.replay.resim import resim

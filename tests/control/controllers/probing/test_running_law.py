@@ -13,10 +13,10 @@ from flexslew_control.analysis.numeric_state import assign, copied, numbers
 from flexslew_control.analysis.rest import rest_of
 from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.controllers.controller import Controller
+from flexslew_control.controllers.linear_form import KalmanForm, LinearForm, LinearObserver
 from flexslew_control.controllers.probing.running_law import running_law
 from flexslew_control.estimators.kalman import KalmanFilter
 from flexslew_control.law import MeasuredJoints
-from flexslew_control.linear_form import KalmanForm, LinearForm, LinearObserver
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed

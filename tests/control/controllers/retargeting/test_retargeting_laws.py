@@ -6,6 +6,7 @@ from scipy.linalg import expm, solve_continuous_are
 from tests.plants import plant
 
 from flexslew_control.controllers import CONTROLLERS, build_controller
+from flexslew_control.controllers.linear_form import SmallMotionForm
 from flexslew_control.controllers.lqr import regulator
 from flexslew_control.controllers.retargeting.disturbance_accommodating import (
     IntegralWeights,
@@ -24,8 +25,7 @@ from flexslew_control.estimators.small_motion_observer import (
     observer,
 )
 from flexslew_control.law import Estimate, Reference
-from flexslew_control.linear_form import SmallMotionForm
-from flexslew_control.small_motion import Frozen, design_motion
+from flexslew_control.linear.small_motion import Frozen, design_motion
 from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_plant.arrays import EMPTY
 from flexslew_plant.errors import BadInput

@@ -17,12 +17,12 @@ from flexslew_control.planners.slew import slew_of
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds.csa import CsaParameters, CsaTestbed
-from flexslew_plant.testbeds.floating_oscillator import (
+from flexslew_plant.testbeds.hub_with_appendages import HubTestbed
+from flexslew_plant.testbeds.identified import FreeMode, IdentifiedTestbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import (
     FloatingOscillatorParameters,
     FloatingOscillatorTestbed,
 )
-from flexslew_plant.testbeds.hub_with_appendages import HubTestbed
-from flexslew_plant.testbeds.identified import FreeMode, IdentifiedTestbed
 
 KP, KD = 460.0, 920.0
 ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)

@@ -8,7 +8,7 @@ from tests.plants import plant
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.errors import PlanFailed
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import FloatingOscillatorTestbed
 
 GAINS = Feedback(kp=(460.0,), kd=(920.0,))
 

@@ -21,8 +21,8 @@ from flexslew_control.planners.minimax.rounds import solved
 from flexslew_control.planners.residual.prediction import predicted
 from flexslew_control.planners.slew import slew_of
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.testbeds import TESTBEDS, read_testbed
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds import WITH_EQUATIONS, read_testbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import FloatingOscillatorTestbed
 
 OPEN = {"kp": [0.0], "kd": [0.0]}
 PD = {"kp": [0.5], "kd": [1.0]}
@@ -210,7 +210,7 @@ def test_the_bound_is_one() -> None:
 
 
 def test_which_plants_are_linear() -> None:
-    found = {name: is_linear(read_testbed({"kind": name}, "t").model()) for name in TESTBEDS}
+    found = {name: is_linear(read_testbed({"kind": name}, "t").model()) for name in WITH_EQUATIONS}
     assert found["floating_oscillator"]
     assert not any(found[n] for n in ("csa", "hub_with_appendages", "varying_oscillator"))
 

@@ -15,7 +15,12 @@ from flexslew_control.planners import PLANNERS, make_plan, plan_settings
 from flexslew_control.planners.minimax import shortest
 from flexslew_control.planners.minimax.members import members_of
 from flexslew_control.planners.minimax.minimax_feedforward import question_of
-from flexslew_control.planners.minimax.nonlinear_path import affine_path, channels, deviation
+from flexslew_control.planners.minimax.nonlinear_path import (
+    PathProblem,
+    affine_path,
+    channels,
+    deviation,
+)
 from flexslew_control.planners.minimax.search import search_of
 from flexslew_control.planners.residual.prediction import predicted
 from flexslew_control.planners.slew import Feedback, slew_of
@@ -74,9 +79,9 @@ def test_the_derivatives_of_a_flight_are_exact(kind: str, lag: float, delay: flo
 
     first, other = flown(weights)
     every = range(1 + 3 * m)
-    fixed = question.gains, motors, grid, weights, every
-    about = affine_path(motion, nominal, first, None, *fixed)
-    found = affine_path(motion, member, other, about, *fixed).path
+    problem = PathProblem(motion, question.gains, motors, grid, every)
+    about = affine_path(problem, nominal, first, None, weights)
+    found = affine_path(problem, member, other, about, weights).path
     np.testing.assert_allclose(found.simulate(weights), channels(motion, member, other), atol=1e-12)
     for k in (0, 2 * m, grid.size - 1):
         step = 1e-3 * np.eye(grid.size)[k]

@@ -18,7 +18,12 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.minimax.members import members_of
 from flexslew_control.planners.minimax.minimax_feedforward import question_of
-from flexslew_control.planners.minimax.nonlinear_path import affine_path, channels, deviation
+from flexslew_control.planners.minimax.nonlinear_path import (
+    PathProblem,
+    affine_path,
+    channels,
+    deviation,
+)
 from flexslew_control.planners.minimax.question import Question
 from flexslew_control.planners.minimax.search import search_of, smooth
 from flexslew_control.planners.minimax.turning_motion import platform_of
@@ -130,9 +135,9 @@ def derivatives_and_flights(
         return flown(weights + step)[1], flown(weights - step)[1]
 
     first, other = flown(weights)
-    fixed = gains, motors, grid, weights, limited
-    about = affine_path(motion, slew.model, first, None, *fixed)
-    return affine_path(motion, member, other, about, *fixed).path, beside
+    problem = PathProblem(motion, gains, motors, grid, limited)
+    about = affine_path(problem, slew.model, first, None, weights)
+    return affine_path(problem, member, other, about, weights).path, beside
 
 
 def test_the_derivatives_of_a_turn_are_those_of_its_flight() -> None:

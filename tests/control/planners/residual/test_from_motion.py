@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from tests.present import present
 
-from flexslew_control.course import PlanSequence
-from flexslew_control.known_motion import ATTITUDE_ERROR, PREDICTED, KnownMotion, at_rest
 from flexslew_control.law import ActiveLaw, Reference
 from flexslew_control.plan import Plan
 from flexslew_control.planners.residual.from_motion import predicted_from, state_of
+from flexslew_control.plans.course import PlanSequence
+from flexslew_control.plans.known_motion import ATTITUDE_ERROR, PREDICTED, KnownMotion, at_rest
 from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import (

@@ -16,7 +16,7 @@ from flexslew_lab.run.in_process import run_bench
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed, CsaVariant
-from flexslew_plant.testbeds.floating_oscillator import (
+from flexslew_plant.testbeds.oscillators.floating_oscillator import (
     FloatingOscillatorParameters,
     FloatingOscillatorTestbed,
 )

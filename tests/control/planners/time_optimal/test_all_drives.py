@@ -12,7 +12,7 @@ from flexslew_control.planners.time_optimal import all_drives
 from flexslew_control.planners.time_optimal.interruptible import Interrupt, interruptible
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds.csa import CsaTestbed, CsaVariant
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import FloatingOscillatorTestbed
 
 
 @pytest.fixture

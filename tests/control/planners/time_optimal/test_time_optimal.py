@@ -22,8 +22,8 @@ from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.csa import CsaTestbed
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 from flexslew_plant.testbeds.hub_with_appendages import FOOT_POUND, HubTestbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import FloatingOscillatorTestbed
 
 OSCILLATOR = {"kind": "floating_oscillator"}
 HUB = {"kind": "hub_with_appendages"}

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pytest
 from tests.panel_numbers import numbers
 
-from flexslew_lab.cli.study_words import print_summary
+from flexslew_lab.cli.output.study_results import print_summary
 from flexslew_lab.studies.cases import sample_table
 from flexslew_lab.studies.findings.criteria import Decision, decide, needed
 from flexslew_lab.studies.findings.figures import distribution

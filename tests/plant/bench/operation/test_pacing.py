@@ -1,5 +1,6 @@
 from typing import Any
 
+import numpy as np
 import pytest
 
 from flexslew_plant.bench.operation.pacing import REPEAT_AFTER, TickTimer
@@ -116,3 +117,48 @@ def test_the_wait_ends_when_something_is_due(pacing: Any) -> None:
     later = 100.001 + wait + 1e-9
     assert pacing.tick_over(later, False, 0) or pacing.check_repeat(later)
     assert pacing.wait(1000.0) == 0.0
+
+
+def test_after_tick_0_an_answer_to_a_plant_with_its_own_clock_is_due_in_a_period() -> None:
+    pacing = fast()
+    pacing.follow_plant()
+    assert (pacing.paced, pacing.real_time, pacing.rate_factor) == (False, True, 1.0)
+    assert not pacing.tick_over(101.99, False, 0)  # its clock stands
+    pacing.request(103.0)
+    assert pacing.tick_over(103.001, True, 0)
+    for missing in (0, 1):
+        assert not pacing.tick_over(103.009, False, missing)
+        assert pacing.tick_over(103.011, False, missing)
+    assert pacing.wait(103.002) == pytest.approx(0.008)
+    pacing.start(104.0)
+    assert not pacing.tick_over(105.99, False, 0)
+
+
+def test_a_question_after_a_wait_for_the_plant_counts_from_the_next_look() -> None:
+    pacing = fast()
+    pacing.follow_plant()
+    pacing.look(101.0)
+    pacing.request(101.0)  # the plant has measured since
+    pacing.look(101.5)
+    assert not pacing.tick_over(101.5, False, 0)
+    assert pacing.tick_over(101.51, False, 0)
+
+
+@pytest.mark.parametrize("by_plant", [False, True])
+def test_no_rounding_keeps_an_unanswered_tick_from_its_end(
+    by_plant: bool, case: np.random.Generator
+) -> None:
+    for _ in range(20):
+        pacing = TickTimer(0.02, 0.0, 0.02)
+        if by_plant:
+            pacing.follow_plant()
+        now = case.uniform(1000.0, 9000.0)
+        pacing.start(now)
+        pacing.request(now)
+        for _ in range(4):
+            pacing.look(now)
+            if pacing.tick_over(now, False, 0):
+                break
+            now += pacing.wait(now) + case.uniform(1e-6, 1e-4)
+        else:
+            raise AssertionError(f"no end at {now}")

@@ -551,3 +551,20 @@ def test_who_cannot_go_on_after_a_rest_is_not_waited_for_where_it_is_relieved_at
     assert lab.it.bench.drive.active == ("b" if way == "switch" else "")
     assert len(lab.kinds("missed")) <= 1
     assert lab.kinds("fallback", "brake") == []
+
+
+def test_a_plant_with_its_own_clock_neither_rests_nor_changes_its_rate(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Bench, "own_clock", True)
+    lab = Lab(duration=1.0)
+    lab.until(5)
+    session = lab.it
+    for reply in (session.pause(lab.now), session.step(3), session.set_rate(2.0, lab.now)):
+        assert "the plant has a clock of its own" in reply.message
+        assert not reply.ok
+    lab.dead |= {"a", "b"}
+    now = lab.now
+    lab.until(9)  # tick 5 may be answered already
+    assert lab.now - now < 4 * 0.02  # each missed after a period
+    assert session.bench.drive.missed >= 3

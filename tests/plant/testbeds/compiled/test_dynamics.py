@@ -6,11 +6,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flexslew_plant.settings import validated
-from flexslew_plant.testbeds import TESTBEDS, TestbedSettings
+from flexslew_plant.testbeds import WITH_EQUATIONS, TestbedSettings
 from flexslew_plant.testbeds.csa import CsaTestbed, CsaVariant
 
 # q is as long as v; the free platform, where it is not, has tests of its own
-SAME_LENGTHS = [kind for kind in TESTBEDS if kind != "spacecraft"]
+SAME_LENGTHS = [kind for kind in WITH_EQUATIONS if kind != "spacecraft"]
 
 STATE = np.array([0.1, 0.3, 0.5, 0.05, -0.02, 0.2, -0.1, 0.3, 0.1, 0.05])
 EFFORT = np.array([60.0, -30.0])

@@ -8,7 +8,7 @@ from flexslew_control.allocation.allocation import Allocator
 from flexslew_control.law import Estimate, Law, Reference
 from flexslew_plant.arrays import Vector
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.testbeds.attitude import AttitudeJoints
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints
 
 
 @dataclass

@@ -8,7 +8,7 @@ from scipy.linalg import block_diag
 from flexslew_control.analysis.lti import Lti, series
 from flexslew_control.analysis.rest import Rest, linear_matrices, slopes
 from flexslew_control.analysis.signals import APPLIED, inputs_of, outputs_of, states_of
-from flexslew_control.free_platform import rate_outputs
+from flexslew_control.linear.free_platform import rate_outputs
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.hardware.actuator import IDEAL, ActuatorSettings, motor_numbers
 from flexslew_plant.hardware.friction import coefficients

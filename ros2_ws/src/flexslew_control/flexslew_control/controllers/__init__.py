@@ -1,8 +1,8 @@
 """Which controllers there are. A new one is a file that ends in its entry, and a line here.
 
-Offers: by_joint.integral_action, by_joint.pd_feedforward, controller, host, lqr,
+Offers: by_joint.integral_action, by_joint.pd_feedforward, controller, host, linear_form, lqr,
 probing.running_law, proportional_integral, retargeting.disturbance_accommodating,
-retargeting.modal_space, sampled_loop, sliding.output_feedback.
+retargeting.modal_space, sampled_loop, sliding.output_feedback, user_law.
 """
 
 import dataclasses
@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from flexslew_control.controllers.controller import Controller
+from flexslew_control.controllers.controller import Activation, Controller
 from flexslew_control.controllers.entry import LawEntry as LawEntry
 from flexslew_control.controllers.entry import PlanVariant as PlanVariant
 from flexslew_control.controllers.user_law import build_user_law, find_law
@@ -36,6 +36,7 @@ from flexslew_control.controllers.lqr import LQR as LQR
 from flexslew_control.controllers.model_predictive.model_predictive import (
     MODEL_PREDICTIVE as MODEL_PREDICTIVE,
 )
+from flexslew_control.controllers.policy.policy import POLICY as POLICY
 from flexslew_control.controllers.proportional_integral import (
     PROPORTIONAL_INTEGRAL as PROPORTIONAL_INTEGRAL,
 )
@@ -122,8 +123,7 @@ def build_controller(
         built,
         plant.joint_names,
         plant.period,
-        common.handover_time,
-        requires_plan,
+        Activation(common.handover_time, requires_plan),
         monitor,
         plant.testbed.model().attitude,
     )

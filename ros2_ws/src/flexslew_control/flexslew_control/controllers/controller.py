@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.course import PlanSequence, jump
 from flexslew_control.estimators.monitor import Monitor, Monitored, channel_name
 from flexslew_control.law import (
     Estimate,
@@ -21,11 +20,12 @@ from flexslew_control.law import (
     read_only_estimate,
 )
 from flexslew_control.plan import Plan
+from flexslew_control.plans.course import PlanSequence, jump
 from flexslew_plant.arrays import EMPTY, Number, Vector, read_only, read_only_view
 from flexslew_plant.events import EstimateInconsistent, EstimateStarted, Event, Fact, event_of
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.refusal import Cause, Refusal
-from flexslew_plant.testbeds.attitude import AttitudeJoints, conjugate, product
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints, conjugate, product
 
 NOT_FINITE = Refusal("its estimate is not finite", cause=Cause.NOT_FINITE)
 _NONE = -2  # tick of a measurement that has not come: not even the one before tick 0
@@ -42,6 +42,12 @@ class Answer(NamedTuple):
     estimate_orientation: Vector = EMPTY  # the same of the estimate
 
 
+def bare_answer(command: EffortCommand) -> Answer:
+    """Return a command as an answer that does not show what led to it."""
+    estimate = Estimate(EMPTY, EMPTY, EMPTY, np.zeros((0, 0)), EMPTY)
+    return Answer(command, Reference(EMPTY, EMPTY, EMPTY, EMPTY), estimate, {})
+
+
 def handover_effort(offset: Number, passed: int, ticks: int) -> Number:
     """Return what a controller adds after a handover: the offset, which goes to zero in `ticks`.
 
@@ -53,6 +59,16 @@ def handover_effort(offset: Number, passed: int, ticks: int) -> Number:
     return (1.0 - passed / ticks) * offset
 
 
+class Activation(NamedTuple):
+    """How a controller becomes the active one."""
+
+    handover_time: float = 1.0  # in which the previous controller's effort is blended out [s]
+    requires_plan: bool = False  # without a plan it is not ready
+
+
+WITHOUT_PLAN = Activation()
+
+
 class Controller:
     """Keeps its estimator warm on every measurement, answers those that name it.
 
@@ -62,8 +78,7 @@ class Controller:
         law: called only while the controller is active.
         joint_names: joints in the order of the efforts.
         period: one tick [s].
-        handover_time: over which the effort of the previous controller is blended out [s].
-        requires_plan: without a plan it is not ready.
+        activation: its handover, and whether it needs a plan.
         monitor: tests of the innovations; None: they are not tested.
         attitude: the joints that read an attitude; None: none do. Estimator and law then receive
             positions about the reference, so that errors are rotations.
@@ -76,8 +91,7 @@ class Controller:
         law: Law,
         joint_names: tuple[str, ...],
         period: float,
-        handover_time: float = 1.0,
-        requires_plan: bool = False,
+        activation: Activation = WITHOUT_PLAN,
         monitor: Monitor | None = None,
         attitude: AttitudeJoints | None = None,
     ) -> None:
@@ -92,8 +106,8 @@ class Controller:
         )
         # returns why the law cannot fly this plan, where it needs more of it than a reference
         self._plan_check: Callable[[Plan | None], str] | None = getattr(law, "objection", None)
-        self._handover_ticks = max(1, round(handover_time / period))
-        self._requires_plan = requires_plan
+        self._handover_ticks = max(1, round(activation.handover_time / period))
+        self._requires_plan = activation.requires_plan
         self._plan_sequence = PlanSequence()
         self._key = (-1, _NONE)  # epoch and tick of the last measurement
         self._answer_tick = -1  # last tick it answered
@@ -104,7 +118,7 @@ class Controller:
         self._answer: Answer | None = None
         self._offset: Vector = np.zeros(len(joint_names))  # previous minus own effort
         self._handover_tick = 0
-        self._rest_reference = self._at_rest(np.zeros(len(joint_names)))
+        self._rest_reference = self.rest_at(np.zeros(len(joint_names)))
         self._previous_estimator: Estimator | None = None  # source of the state to be taken over
         self._failure: Refusal | None = None  # why the law or its estimator gave up
         self.error: LawFailed | None = None  # the last such failure, in any epoch
@@ -141,6 +155,16 @@ class Controller:
         return self._law
 
     @property
+    def attitude(self) -> AttitudeJoints | None:
+        """The joints that read an attitude; None: none do."""
+        return self._attitude
+
+    @property
+    def plan_sequence(self) -> PlanSequence:
+        """The plans that it follows."""
+        return self._plan_sequence
+
+    @property
     def last_tick(self) -> int:
         """Tick of the last measurement that the estimator has seen; -1: none."""
         return max(self._key[1], -1)
@@ -164,6 +188,11 @@ class Controller:
             for plan, of_flight in self._plan_sequence.plans
             if plan.first_tick <= now or (now > 0 and not of_flight)
         )
+
+    @property
+    def estimate(self) -> Estimate:
+        """The estimate of the last measurement."""
+        return self._estimate
 
     def set_plan_sequence(self, plan_sequence: PlanSequence) -> None:
         """Follow a course in place of the plans that were adopted."""
@@ -264,6 +293,7 @@ class Controller:
         self._was_reset = other._was_reset
         # one that was replaced before it saw a measurement has no state of its own
         self._previous_estimator = other._previous_estimator or other._estimator
+        other.close()
 
     def observe(self, measurement: Measurement) -> Answer | None:
         """Return the answer if the measurement names this controller.
@@ -294,7 +324,7 @@ class Controller:
             self._key = key
             self._answer = None
             if not is_next:
-                self._rest_reference = self._at_rest(measurement.joint_position)
+                self._rest_reference = self.rest_at(measurement.joint_position)
                 if tick > 0 or (self._is_new and measurement.epoch > 0):  # started again
                     self._queue_event(EstimateStarted(self.name, self._is_new), measurement)
             if self._expect is not None:
@@ -405,6 +435,10 @@ class Controller:
         left = attitude.orientation(reference.position - estimated)
         return desired, read_only_view(product(desired, conjugate(left)))
 
+    def close(self) -> None:
+        """Give back what the law holds of the machine, as a serial port, after a run."""
+        getattr(self._law, "close", lambda: None)()
+
     def warm(self, appendages: int) -> None:
         """Compile and load what the first answers need, so that none of them comes late.
 
@@ -413,20 +447,26 @@ class Controller:
         Args:
             appendages: how many the bench has.
         """
-        joints, none = np.zeros(len(self.joint_names)), np.zeros(appendages)
         with suppress(LawFailed, TypeError):  # a user's law may refuse the question or the copy
-            copied = deepcopy(self)
-            for tick in range(2):
-                time = tick * self.period
-                copied.observe(
-                    Measurement(tick, 0, time, self.name, joints, joints, none, none, joints)
-                )
+            self.warmed(appendages)
+
+    def warmed(self, appendages: int) -> "Controller":
+        """Return a copy that has answered two questions at rest; see warm."""
+        joints, none = np.zeros(len(self.joint_names)), np.zeros(appendages)
+        copied = deepcopy(self)
+        for tick in range(2):
+            time = tick * self.period
+            copied.observe(
+                Measurement(tick, 0, time, self.name, joints, joints, none, none, joints)
+            )
+        return copied
 
     def reference(self, tick: int) -> Reference:
         """Return the reference of the plans, or rest where the first measurement was."""
         return self._plan_sequence.reference(tick, self._rest_reference)
 
-    def _at_rest(self, position: Vector) -> Reference:
+    def rest_at(self, position: Vector) -> Reference:
+        """Return the reference of a rest at these joint positions, shape (joints,) [rad or m]."""
         rest = read_only(np.zeros(len(self.joint_names)))
         return Reference(read_only_view(position), rest, rest, EMPTY)
 

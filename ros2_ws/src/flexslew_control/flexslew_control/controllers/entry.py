@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from flexslew_control.controllers.linear_form import LinearForm
 from flexslew_control.law import Estimator, Law, PlantDescription, Reference
-from flexslew_control.linear_form import LinearForm
 
 
 class PlanVariant(NamedTuple):
@@ -29,7 +29,10 @@ class LawEntry:
             they are linear (None: these settings are not); None: it never is.
         batch_gains: keys of its section in which the members of a batch may differ; the law has
             nothing else of its testbed, unless a key of `of_testbed` is set.
-        of_testbed: keys of its section that make it depend on the testbed.
+        of_testbed: keys of its section that make it depend on the testbed; `base.attitude` is one
+            of its section `base`.
+        any_testbed: whether it has nothing of its testbed but for these, though it has no
+            batch_gains.
         checked: whether these gains are checked against its design model; on a free platform all
             are.
         takes_over: whether its linear form holds where it takes over in flight: z is the state of
@@ -47,8 +50,20 @@ class LawEntry:
     linear: Callable[[Any, Any, list[Reference]], LinearForm | None] | None = None
     batch_gains: tuple[str, ...] = ()
     of_testbed: tuple[str, ...] = ()
+    any_testbed: bool = False
     checked: bool = False
     takes_over: bool = False
     compared: Mapping[str, Any] = field(default_factory=dict)
     from_file: Callable[[str, str], dict[str, Any]] | None = None
     plans: tuple[PlanVariant, ...] = (PlanVariant("", {}),)
+
+    def reads_testbed(self, values: Mapping[str, Any]) -> bool:
+        """Return whether a key of `of_testbed` is set in a section."""
+        return any(_value(values, key) not in (None, False) for key in self.of_testbed)
+
+
+def _value(values: Any, path: str) -> Any:
+    """Return what stands at a path of keys; None: nothing."""
+    for key in path.split("."):
+        values = values.get(key) if isinstance(values, Mapping) else None
+    return values

@@ -12,9 +12,9 @@ from textwrap import shorten
 from typing import Any, NamedTuple
 
 from flexslew_control.controllers.controller import Answer, Controller
+from flexslew_control.controllers.question_thread import QuestionThread
 from flexslew_control.plan import Plan
-from flexslew_control.plan_file import plan_hash
-from flexslew_control.question_thread import QuestionThread
+from flexslew_control.plans.plan_file import plan_hash
 from flexslew_plant.bench.due_ticks import past, too_late
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
@@ -145,7 +145,9 @@ class ControllerHost:
             self.plan_hash = plan_hash(plan) if plan is not None else ""
             self.plan_count += plan is not None
 
-    def adopt(self, plan: Plan, of_flight: bool = False) -> Refusal | None:
+    def adopt(
+        self, plan: Plan, of_flight: bool = False, epoch: int | None = None
+    ) -> Refusal | None:
         """Follow a plan as soon as there is a testbed; return why not, or None.
 
         A plan that it follows already, or did in this flight, changes nothing: planners publish a
@@ -154,7 +156,11 @@ class ControllerHost:
         Args:
             plan: plan to be followed.
             of_flight: whether it was published in flight, see Controller.adopt.
+            epoch: number of resets before it was published; None: as many as this controller has
+                received. A plan of a flight that is over may arrive after the reset.
         """
+        if of_flight and epoch is not None and (late := self._begin_flight(epoch)) is not None:
+            return late
         digest, current = plan_hash(plan), self.controller and self.controller.plan
         if current and digest == self.plan_hash and self._plan_rejection is None:
             return None
@@ -170,6 +176,19 @@ class ControllerHost:
             self.plan_count += 1
         return rejection
 
+    def _begin_flight(self, epoch: int) -> Refusal | None:
+        """Begin the epoch of a plan published in flight; return why not, if that one is over."""
+        if epoch < self.epoch:
+            words = (
+                f"published in epoch {epoch}, before a reset; the bench is in epoch {self.epoch}"
+            )
+            return Refusal(f"the plan was {words}", cause=Cause.BENCH_RESET)
+        if epoch > self.epoch:
+            self.begin_epoch(epoch)
+        elif self.controller is not None:
+            self.controller.begin_epoch(epoch)  # a reset that comes before any question drops it
+        return None
+
     def _activate_plan(self, plan: Plan, digest: str, of_flight: bool) -> Refusal | None:
         first = self.epoch, (self.controller.last_tick if self.controller else -1) + 1
         self._plan_rejection = None
@@ -181,11 +200,10 @@ class ControllerHost:
             self.plan_hash, self.plan_from = digest, first
         return self._plan_rejection
 
-    def plan_refused(self, digest: str) -> Event:
-        """Return the event of a plan with this hash, which was just refused."""
+    def plan_refused(self, digest: str, why: Refusal) -> Event:
+        """Return the event of a plan with this hash that was refused."""
         tick, period = self.last_tick, self.controller.period if self.controller else 0.0
-        reason = str(self._plan_rejection or "")
-        what = PlanRejected(digest, controller=self.name, reason=reason)
+        what = PlanRejected(digest, controller=self.name, reason=str(why))
         return event_of(what, tick, tick * period, self.epoch, self.name)
 
     def observe(self, question: Measurement) -> Answer | None:

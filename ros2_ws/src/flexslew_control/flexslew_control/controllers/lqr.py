@@ -7,22 +7,30 @@ import numpy as np
 from scipy.linalg import LinAlgError
 
 from flexslew_control.controllers.entry import LawEntry
+from flexslew_control.controllers.linear_form import (
+    LinearForm,
+    OnDeviation,
+    no_integral,
+    nominal_form,
+)
 from flexslew_control.controllers.rotation_form import rotation_form
 from flexslew_control.controllers.sampled_loop import integral_loop, require_sampled_stability
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
 from flexslew_control.estimators.rotation_filter import RotationFilter, rotation_filter
-from flexslew_control.free_platform import LinearModel, joints_first, nominal
 from flexslew_control.law import Estimate, LawFailed, PlantDescription, Reference
-from flexslew_control.linear_design import (
+from flexslew_control.linear.design_checks import (
     LinearDesignModel,
     OperatingPoint,
     operating_point_of,
     require_controllable,
     state_names,
 )
-from flexslew_control.linear_form import LinearForm, OnDeviation, no_integral, nominal_form
-from flexslew_control.rate_dependent_platform import RateDependentPlatform, rate_dependent_platform
-from flexslew_control.riccati import continuous_riccati
+from flexslew_control.linear.free_platform import LinearModel, joints_first, nominal
+from flexslew_control.linear.rate_dependent_platform import (
+    RateDependentPlatform,
+    rate_dependent_platform,
+)
+from flexslew_control.linear.riccati import continuous_riccati
 from flexslew_control.shared_keys import DesignModel
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput

@@ -9,14 +9,14 @@ from scipy.linalg import LinAlgError
 
 from flexslew_control.controllers.by_joint.integral_action import Action, IntegralLaw
 from flexslew_control.controllers.entry import LawEntry
+from flexslew_control.controllers.linear_form import LinearForm, OnDeviation, nominal_form
 from flexslew_control.controllers.lqr import ScaledWeights, scaled_problem
 from flexslew_control.controllers.rotation_form import IntegralTerm, rotation_form
 from flexslew_control.controllers.sampled_loop import integral_loop, require_sampled_stability
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
 from flexslew_control.estimators.rotation_filter import RotationFilter, rotation_filter
-from flexslew_control.free_platform import LinearModel, joints_first, nominal
 from flexslew_control.law import Estimate, PlantDescription, Reference
-from flexslew_control.linear_design import (
+from flexslew_control.linear.design_checks import (
     LinearDesignModel,
     OperatingPoint,
     operating_point_of,
@@ -24,9 +24,9 @@ from flexslew_control.linear_design import (
     require_stable,
     state_names,
 )
-from flexslew_control.linear_form import LinearForm, OnDeviation, nominal_form
-from flexslew_control.rate_dependent_platform import rate_dependent_platform
-from flexslew_control.riccati import continuous_riccati
+from flexslew_control.linear.free_platform import LinearModel, joints_first, nominal
+from flexslew_control.linear.rate_dependent_platform import rate_dependent_platform
+from flexslew_control.linear.riccati import continuous_riccati
 from flexslew_control.shared_keys import DesignModel, TrackingTime
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput

@@ -4,9 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexslew_control.controllers.linear_form import (
+    Integration,
+    LinearForm,
+    LinearObserver,
+    observed_form,
+)
 from flexslew_control.estimators.rotation_filter import RotationFilter
 from flexslew_control.law import Reference
-from flexslew_control.linear_form import Integration, LinearForm, LinearObserver, observed_form
 from flexslew_plant.arrays import Matrix, Tensor
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from flexslew_control.controllers.sliding.design_model import observer_step
 from flexslew_control.controllers.sliding.one_appendage import OneAppendage
 from flexslew_control.controllers.sliding.sliding_surface import SlidingDesign
-from flexslew_control.free_platform import rate_outputs
-from flexslew_control.zero_order_hold import zero_order_hold
+from flexslew_control.linear.free_platform import rate_outputs
+from flexslew_control.linear.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.linearisation import Linearisation

@@ -9,6 +9,7 @@ A class with `Settings`, a section as built-in laws have (flexslew_plant.setting
 as they are, with `__init__(settings, plant)`: validated settings and the plant's description.
 """
 
+from contextlib import suppress
 from time import perf_counter
 from typing import Any
 
@@ -27,6 +28,7 @@ from flexslew_control.law import (
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.events import EVENTS, Fact
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.own_code import LAWS, Trust, find_class, one_line
 from flexslew_plant.settings import Positive, validated
@@ -145,6 +147,20 @@ class UserLaw:
         self.flight_only: bool = getattr(built, "flight_only", False)
         self._limit = time_limit
         self.terms: dict[str, Vector] = {}
+
+    @property
+    def remarks(self) -> list[Fact]:
+        """Events of the last update, which the user's law lists in `remarks`."""
+        given = getattr(self._built, "remarks", ())
+        if not given or not isinstance(given, list | tuple):
+            return []
+        kinds = set(EVENTS.values())
+        return [what for what in given if type(what) in kinds]
+
+    def close(self) -> None:
+        """Call the user's `close`, if there is one; what it raises changes nothing of the run."""
+        with suppress(Exception):
+            getattr(self._built, "close", lambda: None)()
 
     def objection(self, plan: Plan | None) -> str:
         """Return why it cannot fly this plan; empty if it can."""

@@ -24,9 +24,9 @@ from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds.attitude import AttitudeJoints, rotation_vector
 from flexslew_plant.testbeds.instruments import Gyro, Instrument, StarTracker, SunSensor
 from flexslew_plant.testbeds.instruments.instrument import channels
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints, rotation_vector
 
 
 @section

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, called, compiled_once
-from flexslew_plant.testbeds.quaternions import (
+from flexslew_plant.testbeds.orientation.quaternions import (
     Quaternion,
     multiply,
     quaternion_of,

@@ -22,8 +22,8 @@ from flexslew_control.estimators.attitude_steps import (
     update_direction,
 )
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, called, compiled_once
-from flexslew_plant.testbeds.attitude import apply_attitude_error, joint_rotation_vector
-from flexslew_plant.testbeds.quaternions import quaternion_of, rotation_vector_of
+from flexslew_plant.testbeds.orientation.attitude import apply_attitude_error, joint_rotation_vector
+from flexslew_plant.testbeds.orientation.quaternions import quaternion_of, rotation_vector_of
 
 LEAST = 1e-9  # sigma of a sensor that states none [rad]
 _PRESENT = 0.5  # size of a reading from which on it is one: zeros mean that there is none

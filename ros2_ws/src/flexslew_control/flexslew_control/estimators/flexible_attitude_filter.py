@@ -16,13 +16,16 @@ from scipy.linalg import block_diag, matrix_balance
 from flexslew_control.estimators.attitude_filter import Correction, GyroNoise, copied
 from flexslew_control.estimators.attitude_steps import MODES, AttitudeEstimate, ErrorMap
 from flexslew_control.estimators.flexible_attitude_steps import FlexibleNumbers, begin, carry
-from flexslew_control.free_platform import JointCoordinates, joint_coordinates
-from flexslew_control.rate_dependent_platform import RateDependentPlatform, rate_dependent_platform
+from flexslew_control.linear.free_platform import JointCoordinates, joint_coordinates
+from flexslew_control.linear.rate_dependent_platform import (
+    RateDependentPlatform,
+    rate_dependent_platform,
+)
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.model import Model
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints
 
 _SLEW_RATE = 0.1  # rates of the joints for which equations are balanced [rad/s]
 

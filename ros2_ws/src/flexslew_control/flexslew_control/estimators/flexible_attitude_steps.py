@@ -16,9 +16,9 @@ from flexslew_control.estimators.attitude_steps import (
     move,
     solve,
 )
-from flexslew_control.held_step import exponential_step
+from flexslew_control.linear.held_step import exponential_step
 from flexslew_plant.arrays import Matrix, Vector, called, compiled_once
-from flexslew_plant.testbeds.quaternions import Quaternion, multiply, rotation_vector_of
+from flexslew_plant.testbeds.orientation.quaternions import Quaternion, multiply, rotation_vector_of
 
 
 class FlexibleNumbers(NamedTuple):

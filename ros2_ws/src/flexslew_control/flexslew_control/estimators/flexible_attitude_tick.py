@@ -21,14 +21,23 @@ from flexslew_control.estimators.flexible_attitude_steps import (
     errors_of,
 )
 from flexslew_plant.arrays import Matrix, Vector, called, compiled
-from flexslew_plant.testbeds.attitude import joint_rotation_vector
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH, BatchKernel
 from flexslew_plant.testbeds.model import Model
-from flexslew_plant.testbeds.quaternions import quaternion_of
+from flexslew_plant.testbeds.orientation.attitude import joint_rotation_vector
+from flexslew_plant.testbeds.orientation.quaternions import quaternion_of
 
-FlexibleTick: TypeAlias = Callable[
-    [int, AttitudeNumbers, FlexibleNumbers, Matrix, Vector, Matrix, Vector, Matrix, int], None
-]
+
+class FlexibleFilters(NamedTuple):
+    """The filters of many crafts: their data and memory."""
+
+    sensors: AttitudeNumbers  # of trackers with equal delays; one row for all, or one for each
+    filters: FlexibleNumbers  # likewise
+    memory: Matrix  # (crafts, flexible_memory); anything at tick 0
+    place: Vector  # where a BatchKernel advances the equations
+
+
+# (k, filters, measured, reference, found, filled), see flexible_tick
+FlexibleTick: TypeAlias = Callable[[int, FlexibleFilters, Matrix, Vector, Matrix, int], None]
 
 
 class FlexibleForm(NamedTuple):
@@ -96,12 +105,11 @@ class _Craft(NamedTuple):
 
 
 @called
-def _craft(
-    sensors: AttitudeNumbers, filters: FlexibleNumbers, columns: int, memory: Matrix, k: int
-) -> _Craft:
+def _craft(batch: FlexibleFilters, columns: int, k: int) -> _Craft:
     """Return the filter of one craft."""
-    one = numbers_of(sensors, min(k, len(sensors.period) - 1))
-    data, own = flexible_of(filters, min(k, len(filters.scale) - 1)), memory[k]
+    one = numbers_of(batch.sensors, min(k, len(batch.sensors.period) - 1))
+    data = flexible_of(batch.filters, min(k, len(batch.filters.scale) - 1))
+    own = batch.memory[k]
     states, errors = MODES + len(data.motion), len(data.first)
     size = states + errors**2
     estimate = AttitudeEstimate(own[:states], own[states:size].reshape((errors, errors)))
@@ -143,13 +151,10 @@ def _motion(data: FlexibleNumbers, mode: int, here: Vector) -> Vector:
 def flexible_tick(kernel: BatchKernel, steps: int) -> FlexibleTick:
     """Return the tick of the filters of crafts with the same equations.
 
-    It takes (k, sensors, filters, measured, reference, memory, place, found, filled) and writes
-    what is estimated at tick k, from 0 on, one after another. `sensors` are AttitudeNumbers of
-    trackers with equal delays, `filters` FlexibleNumbers, row by row: one for all, or one for each.
-    measured: readings of all tips at this tick, then the efforts before it, (filled, tips +
-    efforts). reference: of the joints, (joints,). memory: in and out, (filled, flexible_memory),
-    anything at tick 0. place: an array of the kernel. found: attitudes, then body rates,
-    (filled, 7).
+    It takes (k, filters, measured, reference, found, filled) and writes what is estimated at tick
+    k, from 0 on, one after another. measured: readings of all tips at this tick, then the efforts
+    before it, (filled, tips + efforts). reference: of the joints, (joints,). found: attitudes, then
+    body rates, (filled, 7).
 
     Args:
         kernel: the equations of all the filters.
@@ -162,26 +167,23 @@ def flexible_tick(kernel: BatchKernel, steps: int) -> FlexibleTick:
     def carry_all(
         then: int,
         to_present: bool,
-        sensors: AttitudeNumbers,
-        filters: FlexibleNumbers,
+        batch: FlexibleFilters,
         columns: int,
-        memory: Matrix,
-        place: Vector,
         filled: int,
     ) -> None:
         """Carry the estimates through the tick up to `then`, or those that go on to the present."""
-        middle, unused = np.empty(3), np.empty(3)
+        middle, unused, place = np.empty(3), np.empty(3), batch.place
         for member in range(filled):
-            it = _craft(sensors, filters, columns, memory, member)
+            it = _craft(batch, columns, member)
             state = (it.now if to_present else it.estimate).state
             applied = it.seen[then % len(it.seen), columns - _efforts(it.data) :]
             _place(it.data, state, applied, effort, mode, place[member:])
         read(filled, place)
-        before, dt = place[rates : rates + 3 * BATCH_WIDTH].copy(), sensors.period[0, 0]
+        before, dt = place[rates : rates + 3 * BATCH_WIDTH].copy(), batch.sensors.period[0, 0]
         advance(0.0, dt, steps, filled, place)
         read(filled, place)
         for member in range(filled):
-            it = _craft(sensors, filters, columns, memory, member)
+            it = _craft(batch, columns, member)
             gyro, motion = it.sensors.gyro[0], _motion(it.data, mode, place[member:])
             for i in range(3):
                 at = i * BATCH_WIDTH + member
@@ -197,19 +199,16 @@ def flexible_tick(kernel: BatchKernel, steps: int) -> FlexibleTick:
     @compiled
     def tick(
         k: int,
-        sensors: AttitudeNumbers,
-        filters: FlexibleNumbers,
+        batch: FlexibleFilters,
         measured: Matrix,
         reference: Vector,
-        memory: Matrix,
-        place: Vector,
         found: Matrix,
         filled: int,
     ) -> None:
-        late, columns = 0, measured.shape[1]
+        late, columns, sensors = 0, measured.shape[1], batch.sensors
         unused = np.empty(3 * sensors.tracker.shape[1] + 2 * sensors.sun.shape[1])
         for member in range(filled):
-            it = _craft(sensors, filters, columns, memory, member)
+            it = _craft(batch, columns, member)
             late = len(it.seen) - 1
             it.seen[k % (late + 1)] = measured[member]
             if k == 0:
@@ -220,9 +219,9 @@ def flexible_tick(kernel: BatchKernel, steps: int) -> FlexibleTick:
         for then in range(max(k - late, 0), k + 1):
             to_present = then > k - late
             if then > 0:
-                carry_all(then, to_present, sensors, filters, columns, memory, place, filled)
+                carry_all(then, to_present, batch, columns, filled)
             for member in range(filled):
-                it = _craft(sensors, filters, columns, memory, member)
+                it = _craft(batch, columns, member)
                 if not to_present:
                     errors = errors_of(it.data)
                     take_readings(then, it.sensors, errors, it.seen, it.estimate, it.known, unused)
@@ -230,7 +229,7 @@ def flexible_tick(kernel: BatchKernel, steps: int) -> FlexibleTick:
                     it.now.state[:] = it.estimate.state
                     it.now.covariance[:] = it.estimate.covariance
         for member in range(filled):
-            it = _craft(sensors, filters, columns, memory, member)
+            it = _craft(batch, columns, member)
             state = it.now.state
             found[member, :BIAS] = state[:BIAS]
             found[member, BIAS:] = it.data.rate @ state[state.size - len(it.data.start) :]

@@ -21,9 +21,14 @@ from flexslew_control.law import Estimate, Reference
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.testbeds.attitude import conjugate, product, rotation_vector, to_body
 from flexslew_plant.testbeds.instruments import StarTracker
 from flexslew_plant.testbeds.instruments.instrument import channels
+from flexslew_plant.testbeds.orientation.attitude import (
+    conjugate,
+    product,
+    rotation_vector,
+    to_body,
+)
 
 _REST_TICKS = 300  # ticks
 _DOUBLINGS = 24  # of a tick, after which the covariance of attitude and bias is taken

@@ -15,14 +15,14 @@ from flexslew_control.estimators.prediction import (
     measurement_update,
 )
 from flexslew_control.law import Estimate
-from flexslew_control.linear_design import (
+from flexslew_control.linear.design_checks import (
     LinearDesignModel,
     output_matrix,
     require_observable,
     state_names,
 )
-from flexslew_control.riccati import continuous_riccati, discrete_riccati
-from flexslew_control.zero_order_hold import zero_order_hold
+from flexslew_control.linear.riccati import continuous_riccati, discrete_riccati
+from flexslew_control.linear.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement

@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from flexslew_control.held_step import exponential_step
+from flexslew_control.linear.held_step import exponential_step
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
 
 # (numbers, x, effort, t): df/dx and df/du

@@ -15,8 +15,8 @@ from flexslew_control.estimators.prediction import (
     measurement_update,
 )
 from flexslew_control.law import Estimate, PlantDescription, Reference
-from flexslew_control.rate_dependent_platform import RateDependentPlatform
-from flexslew_control.zero_order_hold import zero_order_hold
+from flexslew_control.linear.rate_dependent_platform import RateDependentPlatform
+from flexslew_control.linear.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import EMPTY, Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement

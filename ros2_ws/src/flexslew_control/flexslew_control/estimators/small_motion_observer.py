@@ -9,9 +9,9 @@ from scipy.linalg import LinAlgError
 
 from flexslew_control.estimators.kalman import discrete_model
 from flexslew_control.law import Estimate
-from flexslew_control.linear_design import require_observable
-from flexslew_control.riccati import discrete_riccati
-from flexslew_control.small_motion import SmallMotion
+from flexslew_control.linear.design_checks import require_observable
+from flexslew_control.linear.riccati import discrete_riccati
+from flexslew_control.linear.small_motion import SmallMotion
 from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled_once
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement

@@ -1,4 +1,4 @@
 """Plans for clients while a bench runs: requests, the job that plans, drafts and releases.
 
-Offers: job, release, requests.
+Offers: job, planning, release, requests.
 """

@@ -3,9 +3,14 @@
 from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
-from flexslew_control.known_motion import PREDICTED, KnownMotion, at_rest
 from flexslew_control.plan import Plan
-from flexslew_control.planning import Iteration, MotionRequest, PlanProcess, PlanRequest
+from flexslew_control.plan_service.planning import (
+    Iteration,
+    MotionRequest,
+    PlanProcess,
+    PlanRequest,
+)
+from flexslew_control.plans.known_motion import PREDICTED, KnownMotion, at_rest
 from flexslew_plant.refusal import Cause, Refusal
 
 CANCELED = Refusal("canceled by the client", cause=Cause.CANCELED)

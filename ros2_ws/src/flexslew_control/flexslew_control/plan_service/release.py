@@ -7,10 +7,10 @@ from typing import Any, NamedTuple, Protocol
 from flexslew_control.active_laws import ActiveLaws, other_law, with_law
 from flexslew_control.law import plant_description
 from flexslew_control.plan import Plan
-from flexslew_control.plan_file import plan_hash
+from flexslew_control.plan_service.planning import StartOfPlan
 from flexslew_control.plan_service.requests import AnnouncedTestbed, Clock, PlanRequests
-from flexslew_control.planned_course import PATIENCE, PlanHistory, PlanResponse
-from flexslew_control.planning import StartOfPlan
+from flexslew_control.plans.plan_file import plan_hash
+from flexslew_control.plans.planned_course import PATIENCE, PlanHistory, PlanResponse
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
     NO_NAME,
@@ -26,7 +26,7 @@ from flexslew_plant.events import (
 from flexslew_plant.graph import topics
 from flexslew_plant.own_code import Trust
 from flexslew_plant.refusal import Cause, Refusal
-from flexslew_plant.testbeds.attitude import AttitudeJoints
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints
 
 ADOPT, REFUSE = "adopt", "refuse"
 _Kind = type[PlanPublished] | type[PlanDrafted] | type[PlanRejected]
@@ -43,8 +43,14 @@ class Publisher(Protocol):
     told: Plan | None
     attitude: AttitudeJoints | None
 
-    def message(self, plan: Plan, now: float) -> Any:
-        """Return a plan as a flexslew_msgs/Plan with a stamp [s]; a reset drops that of 0 s not."""
+    def message(self, plan: Plan, now: float, epoch: int) -> Any:
+        """Return a plan as a flexslew_msgs/Plan.
+
+        Args:
+            plan: the plan.
+            now: its stamp [s]: a reset drops it, but not that of 0 s.
+            epoch: number of resets before.
+        """
 
     def offer(self, plan: Plan, message: Any) -> None:
         """Publish a plan."""
@@ -189,7 +195,7 @@ class PlanRelease:
     def publish(self, plan: Plan, who: str) -> Any:
         """Let the controllers follow a plan; return it as a message."""
         now = self.clock.now()
-        message = self._publisher.message(plan, now)
+        message = self._message(plan, now)
         if self._course is not None:
             self._current_course.add(plan, now)
         self.responses.expect(message.hash)
@@ -249,7 +255,7 @@ class PlanRelease:
 
     def keep(self, plan: Plan, who: str) -> Any:
         """Keep a draft in the place of the last one; return it as a message."""
-        message = self._publisher.message(plan, self.clock.now())
+        message = self._message(plan, self.clock.now())
         self._draft = plan, message, self.flight
         self._publish_event(PlanDrafted, plan, message, who)
         return message
@@ -285,7 +291,11 @@ class PlanRelease:
 
     def _publish_initial(self, plan: Plan) -> None:
         """Publish a plan as that of tick 0."""
-        self._publisher.offer(plan, self._publisher.message(plan, 0.0))
+        self._publisher.offer(plan, self._message(plan, 0.0))
+
+    def _message(self, plan: Plan, now: float) -> Any:
+        """Return a plan as a message of the current epoch with a stamp [s]."""
+        return self._publisher.message(plan, now, self.clock.epoch)
 
     def on_rejection(self, digest: str) -> None:
         """Fly on with the plan before the newest one if all controllers have refused that.
@@ -301,7 +311,7 @@ class PlanRelease:
             self._publisher.clear()
             for active_plan, of_flight in self._current_course.plans:
                 now = self.clock.now() if of_flight else 0.0
-                self._publisher.offer(active_plan, self._publisher.message(active_plan, now))
+                self._publisher.offer(active_plan, self._message(active_plan, now))
 
     def _publish_event(self, kind: _Kind, plan: Plan, message: Any, who: str) -> None:
         what = kind(message.hash, plan.method, plan.duration, who or NO_NAME)

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from math import ceil
 from typing import Any, NamedTuple, Protocol
 
+from flexslew_control.plan_service.planning import PlanRequest, StartOfPlan, plan_request
 from flexslew_control.planners.input_shaping.section import InputShaping
-from flexslew_control.planning import PlanRequest, StartOfPlan, plan_request
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.refusal import NO_TESTBED, Refusal

@@ -21,6 +21,7 @@ def law_gains(law: ActiveLaw | None, plant: PlantDescription, source: str) -> Fe
     if law is None or law.law not in CONTROLLERS:
         return None
     settings = validated(CONTROLLERS[law.law].settings, law_values(dict(law.settings)), source)
+    settings = getattr(settings, "base", None) or settings  # a policy adds to these gains
     kp, kd = getattr(settings, "kp", None), getattr(settings, "kd", None)
     if kp is None or kd is None:
         return None

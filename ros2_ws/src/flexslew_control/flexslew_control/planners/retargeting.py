@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from flexslew_control.controllers.lqr import disturbance_gain
-from flexslew_control.perturbation import (
+from flexslew_control.linear.perturbation import (
     Change,
     EndCondition,
     Regulator,
@@ -19,17 +19,17 @@ from flexslew_control.perturbation import (
     regulator,
     require_positive_definite,
 )
-from flexslew_control.plan import Plan
-from flexslew_control.planners.entry import PlannerEntry, PlanTask
-from flexslew_control.planners.slew import tick_times
-from flexslew_control.shared_keys import Start, WholeModel
-from flexslew_control.small_motion import (
+from flexslew_control.linear.small_motion import (
     Frozen,
     SmallMotion,
     last_rotation_end,
     require_full_rank,
     small_motion,
 )
+from flexslew_control.plan import Plan
+from flexslew_control.planners.entry import PlannerEntry, PlanTask
+from flexslew_control.planners.slew import tick_times
+from flexslew_control.shared_keys import Start, WholeModel
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import Positive, plain, section

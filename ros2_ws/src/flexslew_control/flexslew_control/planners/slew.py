@@ -222,7 +222,8 @@ def _model_differences(slew: Slew, plant: PlantDescription, feedback: Feedback |
         for key, design, actual in pairs[:_MAX_DIFFERENCES]
     ]
     more = len(pairs) - len(differences)
-    return ", ".join(differences + [f"{more} more"] * (more > 0))
+    words = ", ".join(differences + [f"{more} more"] * (more > 0))
+    return " ".join(words.split())  # nested values are texts of several lines
 
 
 def tick_times(start: float, duration: float, period: float) -> Vector:

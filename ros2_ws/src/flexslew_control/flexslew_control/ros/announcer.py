@@ -103,8 +103,14 @@ class StatusPublisher:
     def _reason(self) -> Refusal | None:
         """Return why the controller could not become active now, by the data of its node."""
         why = self.previous or self._host.reason
-        if why is not None or self._is_connected:
+        if why is not None or not (missing := self.missing_listeners()):
             return why
+        return Refusal(f"not received by {', '.join(missing)}", cause=Cause.NOT_HEARD)
+
+    def missing_listeners(self) -> list[str]:
+        """Return the nodes that must receive its messages, and do not yet."""
+        if self._is_connected:
+            return []
         subscription = self._subscription()
         plant = publishers_of(self._node, subscription) if subscription else set()
         # a publisher there that is not a plant, as a bag that is played, takes no answers
@@ -112,7 +118,4 @@ class StatusPublisher:
         missing = missing_listeners(self._node, self._publishers[:1], [*plant, *self._listeners])
         missing += missing_listeners(self._node, self._publishers[1:], self._listeners)
         self._is_connected = bool(plant or subscription is None) and not missing
-        missing_names = ", ".join(sorted(set(missing))) or "a plant"
-        if self._is_connected:
-            return None
-        return Refusal(f"not received by {missing_names}", cause=Cause.NOT_HEARD)
+        return [] if self._is_connected else sorted(set(missing)) or ["a plant"]

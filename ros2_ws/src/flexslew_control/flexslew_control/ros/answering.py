@@ -22,6 +22,9 @@ from flexslew_plant.ros.outlets import DirectPublishers
 _AT_ONCE = 0.005  # questions of a line answered before the graph is served again [wall s]
 _BUSY = 0.5  # after a question the next one is waited for on the line alone [wall s]
 _IDLE = 0.02  # else the graph is, for so long [wall s]
+# a node that was started in flight waits so long for its listeners before it answers [wall s];
+# without a limit no controller could come back after the recorder has died
+_JOIN_PATIENCE = 5.0
 
 
 class AnswerServer:
@@ -45,6 +48,7 @@ class AnswerServer:
         silent: an older node of this name answers; this one takes no questions.
         heard: subscription to the questions; None: they come by calls or on the line.
         sent: outlets of the commands, then of the states.
+        missing_listeners: returns the nodes that must receive its messages, and do not yet.
     """
 
     def __init__(
@@ -63,6 +67,8 @@ class AnswerServer:
         self.publishers = [
             outlets.publisher(t) for t in (topics.EFFORT_COMMAND, topics.CONTROLLER_STATE)
         ]
+        self.missing_listeners: Callable[[], list[str]] = list
+        self._join_deadline = inf  # then a node started in flight answers at the latest [wall s]
         self.received: Subscription[Any] | None = None
         self._connection: PlantConnection | None = None
         self._last_question = -inf  # last time that a question came on the line or was due [wall s]
@@ -178,7 +184,7 @@ class AnswerServer:
     def _answer(
         self, question: Measurement, at: Stamp | None, line: PlantConnection | None
     ) -> EffortCommand | None:
-        if self.inactive:
+        if self.inactive or self._waits_for_listeners(question):
             return None
         answer, command = self._host.observe(question), None
         if answer is not None:
@@ -193,3 +199,13 @@ class AnswerServer:
                     states.publish(state_bytes(answer, at))
         self._observed(question.tick)
         return command
+
+    def _waits_for_listeners(self, question: Measurement) -> bool:
+        """Return whether this would be a first question in flight that the log cannot show.
+
+        The log must contain where a new instance begins, also if the instance is killed soon after.
+        """
+        if question.tick == 0 or self._host.newest is not None or not self.missing_listeners():
+            return False
+        self._join_deadline = min(self._join_deadline, monotonic() + _JOIN_PATIENCE)
+        return monotonic() < self._join_deadline

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from flexslew_control.active_laws import ActiveLaws
-from flexslew_control.planned_course import PATIENCE, PlanResponse, PlanResponses
+from flexslew_control.plans.planned_course import PATIENCE, PlanResponse, PlanResponses
 from flexslew_plant.bench.operation.presence import Heartbeats
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import PlanRejected, fact_of

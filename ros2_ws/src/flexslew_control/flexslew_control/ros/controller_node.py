@@ -101,12 +101,13 @@ class ControllerNode:
 
     def _on_plan(self, message: msg.Plan) -> None:
         try:
-            rejection = self._host.adopt(*received_plan(message, f"topic {topics.PLAN}"))
+            plan, of_flight = received_plan(message, f"topic {topics.PLAN}")
+            rejection = self._host.adopt(plan, of_flight, message.epoch)
         except BadInput as error:
             self.node.get_logger().warning(str(error))
             return
         if rejection is not None and not self.answering.inactive:
-            self._events.tell(self._host.plan_refused(message.hash))
+            self._events.tell(self._host.plan_refused(message.hash, rejection))
         self._status.notify(always=True)
 
     def _on_bench_state(self, message: msg.BenchState) -> None:

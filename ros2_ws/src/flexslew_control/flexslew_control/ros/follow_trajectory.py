@@ -18,10 +18,10 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from flexslew_control.plan_service.job import BUSY, CANCELED, Outcome, PlanJob
+from flexslew_control.plans.tracking import Tolerance, Tracked, Tracking, TrackingCode, TrackingEnd
 from flexslew_control.ros.bench_clock import BenchClock
 from flexslew_control.ros.plan_release import NodePlanRelease
 from flexslew_control.ros.trajectories import trajectory_section
-from flexslew_control.tracking import Tolerance, Tracked, Tracking, TrackingCode, TrackingEnd
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 from flexslew_plant.refusal import Cause, Refusal

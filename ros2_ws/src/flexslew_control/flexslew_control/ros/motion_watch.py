@@ -9,10 +9,10 @@ from flexslew_msgs.msg import AppendageState
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from flexslew_control.known_motion import PREDICTED, KnownMotion, with_tip_motion
 from flexslew_control.plan import Plan
 from flexslew_control.plan_service.job import motion_request
-from flexslew_control.planning import MotionRequest, PlanRequest
+from flexslew_control.plan_service.planning import MotionRequest, PlanRequest
+from flexslew_control.plans.known_motion import PREDICTED, KnownMotion, with_tip_motion
 from flexslew_plant.graph import topics
 from flexslew_plant.ros.messages import seconds_of
 from flexslew_plant.ros.offers import subscription

@@ -11,7 +11,7 @@ from rclpy.task import Future
 
 from flexslew_control.plan import Plan
 from flexslew_control.plan_service.job import BUSY, Client, Outcome, PlanJob
-from flexslew_control.planning import Iteration
+from flexslew_control.plan_service.planning import Iteration
 from flexslew_control.ros.motion_watch import MotionWatch
 from flexslew_control.ros.plan_release import NodePlanRelease
 from flexslew_control.ros.plan_result import plan_result

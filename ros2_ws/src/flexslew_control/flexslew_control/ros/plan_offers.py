@@ -9,7 +9,7 @@ from flexslew_control.ros.trajectories import trajectory_message
 from flexslew_plant.graph import topics
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import publisher
-from flexslew_plant.testbeds.attitude import AttitudeJoints
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints
 
 
 class PlanPublisher:
@@ -29,14 +29,16 @@ class PlanPublisher:
         self.told: Plan | None = None
         self.attitude: AttitudeJoints | None = None
 
-    def message(self, plan: Plan, now: float) -> msg.Plan:
+    def message(self, plan: Plan, now: float, epoch: int) -> msg.Plan:
         """Return a plan as a message.
 
         Args:
             plan: the plan.
             now: its stamp [s]: a reset drops it, but not that of 0 s.
+            epoch: number of resets before.
         """
-        return message_of(msg.Plan, {"stamp": stamp(now), **plan_fields(plan, self.attitude)})
+        fields = plan_fields(plan, self.attitude)
+        return message_of(msg.Plan, {"stamp": stamp(now), **fields, "epoch": epoch})
 
     def offer(self, plan: Plan, message: msg.Plan) -> None:
         """Publish a plan."""

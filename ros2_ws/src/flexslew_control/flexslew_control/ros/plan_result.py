@@ -5,7 +5,7 @@ from rclpy.action.server import ServerGoalHandle
 
 from flexslew_control.active_laws import describe_plan_law
 from flexslew_control.plan import Plan
-from flexslew_control.planned_course import PlanResponse
+from flexslew_control.plans.planned_course import PlanResponse
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.refusal import Cause, Refusal
 

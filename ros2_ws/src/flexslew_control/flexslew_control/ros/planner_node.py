@@ -11,10 +11,10 @@ from time import monotonic
 
 from flexslew_msgs import msg
 
-from flexslew_control.plan_file import load_plan
 from flexslew_control.plan_service.job import Outcome, PlanJob
 from flexslew_control.plan_service.requests import ASSUMPTIONS
-from flexslew_control.planned_course import PATIENCE
+from flexslew_control.plans.plan_file import load_plan
+from flexslew_control.plans.planned_course import PATIENCE
 from flexslew_control.ros.follow_trajectory import follow_trajectory
 from flexslew_control.ros.plan_actions import PlanActions
 from flexslew_control.ros.plan_release import NodePlanRelease

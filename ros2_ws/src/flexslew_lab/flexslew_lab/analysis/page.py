@@ -1,5 +1,6 @@
 """The page of an analysis: tables, then curves, drawn by the report's own panels."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,17 @@ _MAX_POINTS = 2000  # points of a curve
 _NO_GAIN = 1e-12  # smallest size that is drawn [-]
 
 
-def analysis_page(analysis: Analysis, name: str, proof: Proof | None = None) -> str:
-    """Return the analysis of a trial, and its proof, as HTML that needs nothing else."""
+def analysis_page(
+    analysis: Analysis, name: str, proof: Proof | None = None, more: Sequence[Section] = ()
+) -> str:
+    """Return the analysis of a trial, and its proof, as HTML that needs nothing else.
+
+    Args:
+        analysis: of the trial.
+        name: of the trial.
+        proof: of its margins, or None.
+        more: further sections, before the curves.
+    """
     rest = analysis.point.rest
     position = rest.model.joint_state(rest.state)[0]
     position_text = ", ".join(
@@ -29,6 +39,7 @@ def analysis_page(analysis: Analysis, name: str, proof: Proof | None = None) -> 
     sections: list[Section] = [
         *tables(analysis),
         *(proof_tables(proof) if proof is not None else ()),
+        *more,
     ]
     sections += [_bode(analysis), _plane("Nyquist", analysis), _plane("Nichols", analysis),
                  _singular(analysis), _steps(analysis)]  # fmt: skip

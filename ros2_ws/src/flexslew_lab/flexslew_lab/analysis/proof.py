@@ -177,7 +177,7 @@ class _BenchSimulator:
         path, loop = self._with_faults(self._gain, self._delay)
         out = []
         for s, mode in _modes(loop, _VISIBLE):
-            measured, left = self._measured_pole(loop, path, s, mode)
+            measured, left = measured_pole(self._trial, self._analysis, loop, path, s, mode)
             w, w_measured = float(abs(s)), float(abs(measured))
             damping, damping_measured = float(-s.real / w), float(-measured.real / w_measured)
             near = (
@@ -205,8 +205,8 @@ class _BenchSimulator:
             else:
                 gain[channel] *= sizes[-1]
             path, loop = self._with_faults(gain, delay)
-            s, mode = _mode_near(loop, frequency)
-            measured, left = self._measured_pole(loop, path, s, mode)
+            s, mode = mode_near(loop, frequency)
+            measured, left = measured_pole(self._trial, self._analysis, loop, path, s, mode)
             real_parts.append(float(measured.real))
             residuals.append(left)
             at.append(float(abs(measured)))
@@ -229,20 +229,30 @@ class _BenchSimulator:
         plant = sampled_plant(point.rest, path, applied=True)
         return path, loop_of(plant, self._analysis.running.form)
 
-    def _measured_pole(
-        self, loop: ControlLoop, path: PlantPath, s: complex, mode: Complex
-    ) -> tuple[complex, float]:
-        """Return the pole [rad/s] that the bench rings down with, and what it leaves [-]."""
-        period = self._trial.period
-        ticks = int(np.clip(_PERIODS * 2.0 * np.pi / (abs(s) * period), _MIN_TICKS, _MOST))
-        if abs(s.real) > 0.0:
-            ticks = max(_MIN_TICKS, min(ticks, int(_DECAY_TIMES / (abs(s.real) * period))))
-        record = mode_response(self._trial, self._analysis, loop, path, mode, ticks)
-        found = fit_decay(record, period, np.array([s]))
-        return complex(found.s[0]), found.left
+
+def measured_pole(
+    trial: Trial, analysis: Analysis, loop: ControlLoop, path: PlantPath, s: complex, mode: Complex
+) -> tuple[complex, float]:
+    """Return the pole [rad/s] that the bench rings down with, and what it leaves [-].
+
+    Args:
+        trial: what flies, see mode_response.
+        analysis: of that trial.
+        loop: predicted, closed.
+        path: gains and delays that faults add.
+        s: predicted pole [rad/s].
+        mode: its eigenvector, shape (states,).
+    """
+    period = trial.period
+    ticks = int(np.clip(_PERIODS * 2.0 * np.pi / (abs(s) * period), _MIN_TICKS, _MOST))
+    if abs(s.real) > 0.0:
+        ticks = max(_MIN_TICKS, min(ticks, int(_DECAY_TIMES / (abs(s.real) * period))))
+    record = mode_response(trial, analysis, loop, path, mode, ticks)
+    found = fit_decay(record, period, np.array([s]))
+    return complex(found.s[0]), found.left
 
 
-def _mode_near(loop: ControlLoop, frequency: float) -> tuple[complex, Complex]:
+def mode_near(loop: ControlLoop, frequency: float) -> tuple[complex, Complex]:
     """Return the pole [rad/s] of the closed loop nearest to a frequency [rad/s], and its mode.
 
     By inverse iteration, as the queue of a long delay has thousands of states, one entry a row.

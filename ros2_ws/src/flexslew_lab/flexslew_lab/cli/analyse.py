@@ -1,19 +1,44 @@
 """Subcommand that analyses what flies in a trial."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from flexslew_lab.cli.compare import Sets, TrialFile
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.model import At, Joints, joints_of
+from flexslew_lab.cli.options.option_groups import expand_options
 from flexslew_lab.cli.terminal import link, print_message, print_table, print_verdict
 from flexslew_lab.json_text import json_text
 from flexslew_lab.progress import display_progress
 from flexslew_lab.trial.outputs import check_output_file, new_file
+from flexslew_plant.errors import BadInput
+
+if TYPE_CHECKING:
+    from flexslew_lab.analysis.analysis import Analysis
+    from flexslew_lab.analysis.proof import Proof
+    from flexslew_lab.guarantee.flight import Guarantee
 
 
+@dataclass(frozen=True)
+class CheckOptions:
+    """What is proved about the loop."""
+
+    prove: Annotated[
+        bool, typer.Option("--prove", help="Fly the bench on both sides of each margin.")
+    ] = False
+    guarantee: Annotated[
+        bool, typer.Option("--guarantee", help="Certify the loop for all values in --vary.")
+    ] = False
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(help="name=20% or name=low..high, an uncertain parameter; may be repeated."),
+    ] = None
+
+
+@expand_options
 def analyse(
     file: TrialFile = None,
     sets: Sets = None,
@@ -25,15 +50,16 @@ def analyse(
     out: Annotated[
         Path | None, typer.Option(help="HTML file; default: a new one below runs/.")
     ] = None,
-    prove: Annotated[
-        bool, typer.Option("--prove", help="Fly the bench on both sides of each margin.")
-    ] = False,
+    *,
+    checks: CheckOptions,
     as_json: Json = False,
 ) -> None:
     """Show modes, poles, margins and responses of a trial's loop after its manoeuvre.
 
     `--at` takes another time, `--rest` another place. The law's linear form is taken from its
-    running code. Exit code 1: the loop is not stable, or what was flown is not what was predicted.
+    running code. `--guarantee` bounds the worst case over stiffness and payload +-20 %, or what
+    `--vary` names; with `--prove` the nearest unstable loop is flown. Exit code 1: the loop is not
+    stable or not guaranteed, or what was flown is not what was predicted.
 
     Example: `./flexslew analyse m1 --at 25`
     """
@@ -41,9 +67,14 @@ def analyse(
     from flexslew_lab.analysis.page import analysis_page, summary_rows
     from flexslew_lab.analysis.proof import verify_margins
     from flexslew_lab.analysis.proof_tables import MARGIN_COLUMNS, margin_rows
+    from flexslew_lab.guarantee.flight import guarantee_of
+    from flexslew_lab.guarantee.parameters import vary_of
+    from flexslew_lab.guarantee.tables import WORST_COLUMNS, worst_case_sections, worst_rows
     from flexslew_lab.report.page import write_page
     from flexslew_lab.trial.sources import read_trial
 
+    if checks.vary and not checks.guarantee:
+        raise BadInput("--vary: only with --guarantee")
     requested, source = read_trial(file, sets)
     target = check_output_file(out or new_file(f"{requested.name}-analysis.html"), "--out", file)
     with display_progress(requested.name, words="analysing"):
@@ -51,11 +82,17 @@ def analyse(
     for words in found.point.warnings:
         print_message(f"warning: {words}")
     proof = None
-    if prove:
+    if checks.prove:
         with display_progress(requested.name, words="flying at both sides of the margins"):
             proof = verify_margins(requested, found)
+    worst = None
+    if checks.guarantee:
+        with display_progress(requested.name, words="bounding the worst case"):
+            worst = guarantee_of(requested, found, vary_of(checks.vary or []) or None, checks.prove)
     if as_json:
-        report = {} if proof is None else {"proof": finite(proof.plain())}
+        report: dict[str, object] = {} if proof is None else {"proof": finite(proof.plain())}
+        if worst is not None:
+            report["guarantee"] = worst.plain()
         print(json_text({**found.plain(), **report}))
     else:
         for kind in found.point.left_out:
@@ -66,8 +103,17 @@ def analyse(
             print_table(MARGIN_COLUMNS, margin_rows(proof))
             for words in proof.skipped:
                 print_message(f"not flown: {words}")
+        if worst is not None:
+            print_verdict(worst.verdict)
+            print_table(WORST_COLUMNS, worst_rows(worst.found))
     if out is not None or not as_json:
-        page = write_page(analysis_page(found, requested.name, proof), target)
+        more = [] if worst is None else worst_case_sections(worst)
+        page = write_page(analysis_page(found, requested.name, proof, more), target)
         print_message(f"written {link(page)}")
-    if not found.stable or (proof is not None and not proof.holds):
+    if not _fulfilled(found, proof, worst):
         raise typer.Exit(1)
+
+
+def _fulfilled(found: "Analysis", proof: "Proof | None", worst: "Guarantee | None") -> bool:
+    """Return whether the loop is stable, and what was proved or guaranteed holds."""
+    return found.stable and (proof is None or proof.holds) and (worst is None or worst.holds)

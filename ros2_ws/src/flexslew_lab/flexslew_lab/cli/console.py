@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from threading import Event as Signal
@@ -18,6 +19,7 @@ import typer
 from flexslew_lab.cli.interrupt import NODES_EXIT_TIMEOUT, SIGNAL_EXIT_CODE, exit_timeout
 from flexslew_lab.cli.missing import require_ros
 from flexslew_lab.cli.operate import Namespace
+from flexslew_lab.cli.options.option_groups import expand_options
 from flexslew_lab.cli.replay import TrustOption
 from flexslew_lab.cli.terminal import link, print_message
 from flexslew_lab.progress import display_progress
@@ -34,6 +36,35 @@ _GRACE = 10.0  # for the page to end [wall s]
 _NO_END = 1e9  # of a run without an end [s]
 
 
+@dataclass(frozen=True)
+class PageOptions:
+    """Where the page listens."""
+
+    port: Annotated[int, typer.Option(help="Port of the page; 0: any free one.")] = 8080
+    host: Annotated[
+        str, typer.Option(help="Listening address; not loopback: other machines can connect.")
+    ] = "127.0.0.1"
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """The run of a trial on the page."""
+
+    sets: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="key.path=value, replaces the file's; may be repeated."),
+    ] = None
+    out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None
+    rate: Annotated[float, typer.Option(help="Rate at the start; 1: real time, 0: fast.")] = 1.0
+    open_ended: Annotated[
+        bool, typer.Option("--open-ended", help="Run until Ctrl-C, without an end.")
+    ] = False
+    in_process: Annotated[
+        bool, typer.Option("--in-process", help="Without ROS 2, in one process.")
+    ] = False
+
+
+@expand_options
 def console(
     file: Annotated[
         str | None, typer.Argument(help="Trial file, or the name of a shipped one; default: m1.")
@@ -42,22 +73,9 @@ def console(
     replay: Annotated[
         Path | None, typer.Option(help="A run's folder or bag, with a time slider.")
     ] = None,
-    port: Annotated[int, typer.Option(help="Port of the page; 0: any free one.")] = 8080,
-    host: Annotated[
-        str, typer.Option(help="Listening address; not loopback: other machines can connect.")
-    ] = "127.0.0.1",
-    sets: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="key.path=value, replaces the file's; may be repeated."),
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
-    rate: Annotated[float, typer.Option(help="Rate at the start; 1: real time, 0: fast.")] = 1.0,
-    open_ended: Annotated[
-        bool, typer.Option("--open-ended", help="Run until Ctrl-C, without an end.")
-    ] = False,
-    in_process: Annotated[
-        bool, typer.Option("--in-process", help="Without ROS 2, in one process.")
-    ] = False,
+    *,
+    page: PageOptions,
+    run: RunOptions,
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Only print the address of the page.")
     ] = False,
@@ -70,13 +88,13 @@ def console(
 
     Example: `./flexslew console swap_demo`
     """
-    if not 0 <= port <= 65535:
-        raise BadInput("0 to 65535", key="--port", value=port)
-    if not 0.0 <= rate < float("inf"):
-        raise BadInput("0 is as fast as possible, 1 real time", key="--rate", value=rate)
+    if not 0 <= page.port <= 65535:
+        raise BadInput("0 to 65535", key="--port", value=page.port)
+    if not 0.0 <= run.rate < float("inf"):
+        raise BadInput("0 is as fast as possible, 1 real time", key="--rate", value=run.rate)
     if sum((file is not None, attach, replay is not None)) > 1:
         raise BadInput("console: give one of a trial, --attach and --replay")
-    for option, given in (("--open-ended", open_ended), ("--in-process", in_process)):
+    for option, given in (("--open-ended", run.open_ended), ("--in-process", run.in_process)):
         if given and (attach or replay is not None):
             raise BadInput(f"console: {option} is for a trial, not for --attach or --replay")
     if namespace and not attach:
@@ -84,16 +102,17 @@ def console(
     if replay is not None:
         from flexslew_lab.console.replay_page import serve
 
-        serve(bag_folder(replay), host, port, print_message, Trust.of(trust or ()), not no_browser)
+        trusted = Trust.of(trust or ())
+        serve(bag_folder(replay), page.host, page.port, print_message, trusted, not no_browser)
         return
-    at = host, port, not no_browser
-    if not in_process:
+    at = page.host, page.port, not no_browser
+    if not run.in_process:
         require_ros()
     if attach:
         _attach(at, namespace, tuple(trust or ()))
     else:
-        run = _run_in_process if in_process else _run
-        raise typer.Exit(run(file, sets, out, (rate, open_ended), at))
+        fly = _run_in_process if run.in_process else _run
+        raise typer.Exit(fly(file, run, at))
 
 
 def _attach(at: tuple[str, int, bool], namespace: str, trust: tuple[str, ...]) -> None:
@@ -111,16 +130,13 @@ def _attach(at: tuple[str, int, bool], namespace: str, trust: tuple[str, ...]) -
     )
 
 
-def _run(
-    file: str | None, sets: list[str] | None, out: Path | None, rate_options: tuple[float, bool],
-    at: tuple[str, int, bool],
-) -> int:  # fmt: skip
+def _run(file: str | None, options: RunOptions, at: tuple[str, int, bool]) -> int:
     """Fly a trial together with its page; return the exit code."""
     from flexslew_lab.run.domain import locked_domain
-    from flexslew_lab.run.run_trial import run_trial
+    from flexslew_lab.run.run_trial import RunFeedback, run_trial
     from flexslew_lab.trial.own_code import user_code_names
 
-    requested, source, folder, command = _requested(file, sets, out, rate_options)
+    requested, source, folder, command = _requested(file, options)
     page = partial(_page, folder, command, at, user_code_names(requested))
     with locked_domain(requested.name) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
@@ -130,8 +146,7 @@ def _run(
                     requested,
                     source,
                     folder,
-                    progress=on_progress,
-                    notify=print_message,
+                    feedback=RunFeedback(on_progress, print_message),
                     autostart=False,
                 )
             if _print_result(result) != SIGNAL_EXIT_CODE:
@@ -139,16 +154,13 @@ def _run(
     return result.exit_code
 
 
-def _run_in_process(
-    file: str | None, sets: list[str] | None, out: Path | None, rate_options: tuple[float, bool],
-    at: tuple[str, int, bool],
-) -> int:  # fmt: skip
+def _run_in_process(file: str | None, options: RunOptions, at: tuple[str, int, bool]) -> int:
     """Fly a trial in this process, which serves its page too; return the exit code."""
     from flexslew_lab.console.in_process.link import InProcessLink
     from flexslew_lab.console.page import Page
-    from flexslew_lab.run.run_trial import finished, run_trial
+    from flexslew_lab.run.run_trial import RunFeedback, finished, run_trial
 
-    requested, source, folder, command = _requested(file, sets, out, rate_options)
+    requested, source, folder, command = _requested(file, options)
     host, port, browser = at
     bench = InProcessLink(str(folder.resolve()), command, requested.trust)
     page, over = Page(bench, host, port, print_message), Signal()
@@ -160,9 +172,12 @@ def _run_in_process(
     try:
         with display_progress(requested.name, "ticks", "flying") as on_progress:
             result = run_trial(
-                requested, source, folder, in_process=bench.fly, progress=on_progress,
-                notify=print_message,
-            )  # fmt: skip
+                requested,
+                source,
+                folder,
+                in_process=bench.fly,
+                feedback=RunFeedback(on_progress, print_message),
+            )
         exit_code = _print_result(result)
         over.wait()
     except KeyboardInterrupt:
@@ -175,21 +190,18 @@ def _run_in_process(
     return exit_code
 
 
-def _requested(
-    file: str | None, sets: list[str] | None, out: Path | None, rate_options: tuple[float, bool]
-) -> tuple["Trial", str, Path, str]:
+def _requested(file: str | None, options: RunOptions) -> tuple["Trial", str, Path, str]:
     """Return the trial, its file, the folder of its run, and the command that repeats it."""
     from dataclasses import replace
 
     from flexslew_lab.trial.outputs import new_folder
     from flexslew_lab.trial.sources import read_trial
 
-    requested, source = read_trial(file, sets)
-    rate, open_ended = rate_options
-    duration = _NO_END if open_ended else requested.duration
-    requested = replace(requested, rate_factor=rate, duration=duration)
-    words = ["./flexslew", "trial", file or "m1", *(f"--set={one}" for one in sets or ())]
-    return requested, source, new_folder(requested.name, out), shlex.join(words)
+    requested, source = read_trial(file, options.sets)
+    duration = _NO_END if options.open_ended else requested.duration
+    requested = replace(requested, rate_factor=options.rate, duration=duration)
+    words = ["./flexslew", "trial", file or "m1", *(f"--set={one}" for one in options.sets or ())]
+    return requested, source, new_folder(requested.name, options.out), shlex.join(words)
 
 
 def _print_result(result: "Result") -> int:

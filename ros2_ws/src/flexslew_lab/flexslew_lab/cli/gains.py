@@ -1,5 +1,6 @@
 """Subcommand that searches for the gains of a trial's law."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -7,6 +8,7 @@ import typer
 
 from flexslew_lab.cli.compare import Sets, TrialFile
 from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.options.option_groups import expand_options
 from flexslew_lab.cli.terminal import link, print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_lab.progress import display_progress
@@ -15,6 +17,27 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.extras import required
 
 
+@dataclass(frozen=True)
+class SearchOptions:
+    """How gains are searched for."""
+
+    margin: Annotated[
+        float | None,
+        typer.Option(min=1e-6, max=2.0, help="Disk margin to be kept; default: the trial's own."),
+    ] = None
+    trials: Annotated[int, typer.Option(min=1, max=100_000, help="Number of gains tried.")] = 200
+    octaves: Annotated[
+        float,
+        typer.Option(min=0.01, max=20.0, help="Largest change of a gain, in factors of 2."),
+    ] = 2.0
+    journal: Annotated[
+        Path | None,
+        typer.Option(help="A file that notes every choice: the same command goes on from there."),
+    ] = None
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the search.")] = 1
+
+
+@expand_options
 def gains(
     file: TrialFile = None,
     sets: Sets = None,
@@ -25,20 +48,8 @@ def gains(
         list[str] | None,
         typer.Option(help="Gain to vary; may be repeated; default: all gains of the law."),
     ] = None,
-    margin: Annotated[
-        float | None,
-        typer.Option(min=1e-6, max=2.0, help="Disk margin to be kept; default: the trial's own."),
-    ] = None,
-    trials: Annotated[int, typer.Option(min=1, max=100_000, help="Number of gains tried.")] = 200,
-    octaves: Annotated[
-        float,
-        typer.Option(min=0.01, max=20.0, help="Largest change of a gain, in factors of 2."),
-    ] = 2.0,
-    journal: Annotated[
-        Path | None,
-        typer.Option(help="A file that notes every choice: the same command goes on from there."),
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the search.")] = 1,
+    *,
+    search: SearchOptions,
     out: Annotated[
         Path | None, typer.Option(help="HTML file; default: a new one below runs/.")
     ] = None,
@@ -59,9 +70,9 @@ def gains(
     from flexslew_lab.trial.sources import read_trial
 
     requested, source = read_trial(file, sets)
-    if journal is not None:
-        check_output_file(journal, "--journal", file)
-        if out is not None and out.resolve() == journal.resolve():
+    if search.journal is not None:
+        check_output_file(search.journal, "--journal", file)
+        if out is not None and out.resolve() == search.journal.resolve():
             raise BadInput(f"--out: {out} is the file of --journal, too; give another name")
     target = check_output_file(out or new_file(f"{requested.name}-gains.html"), "--out", file)
     selected = gains_of(requested, source, controller, gain or ())
@@ -69,11 +80,11 @@ def gains(
         found = search_gains(
             GainEnsemble(requested, source, selected),
             selected,
-            trials,
-            octaves,
-            margin,
-            journal,
-            seed,
+            search.trials,
+            search.octaves,
+            search.margin,
+            search.journal,
+            search.seed,
             update,
         )
     if as_json:

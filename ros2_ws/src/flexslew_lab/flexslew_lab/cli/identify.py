@@ -1,13 +1,16 @@
 """Subcommand that identifies a bench from logs of its experiments."""
 
 import os
+from dataclasses import asdict, dataclass
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
 from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.options.option_groups import expand_options
+from flexslew_lab.cli.options.quantity import numbers_in, quantity
 from flexslew_lab.cli.replay import TrustOption
 from flexslew_lab.cli.terminal import for_people, link, print_message, print_table
 from flexslew_lab.json_text import json_text
@@ -17,7 +20,7 @@ from flexslew_plant.own_code import Trust
 
 if TYPE_CHECKING:
     from flexslew_lab.identification.identification import Experiment
-    from flexslew_lab.identification.modes import ModalModel
+    from flexslew_lab.identification.modal.modes import ModalModel
     from flexslew_lab.identification.next_plan import NextPlan
 
 MODEL, PAGE, APPENDAGE = "identified.yaml", "identification.html", "appendage.yaml"
@@ -25,52 +28,88 @@ UNIVERSAL = (".uff", ".unv", ".58")
 _STAMPS = ("header", "recorded")  # of a bag's messages
 
 
+@dataclass(frozen=True)
+class FitOptions:
+    """What is fitted, and in which band."""
+
+    fit: Annotated[
+        str | None, typer.Option(help="Keys of the testbed to fit, with commas between.")
+    ] = None
+    start: Annotated[
+        list[str] | None, typer.Option(help="key=value, where a fit begins; may be repeated.")
+    ] = None
+    band: Annotated[
+        str | None, typer.Option(help="Band low,high [rad/s]; default: that of the excitation.")
+    ] = None
+
+
+@dataclass(frozen=True)
+class RecordOptions:
+    """The columns, times and efforts of a file of another bench."""
+
+    inputs: Annotated[
+        str | None, typer.Option(help="Columns of efforts in a file of another bench.")
+    ] = None
+    outputs: Annotated[str | None, typer.Option(help="Columns of sensors in that file.")] = None
+    period: Annotated[
+        float | None,
+        typer.Option(parser=quantity("s"), help="Its sampling period [s]; default: the median."),
+    ] = None
+    past: Annotated[
+        bool, typer.Option("--past", help="Efforts are stamped when they end, not when they begin.")
+    ] = False
+    hold: Annotated[
+        str | None,
+        typer.Option(help="Efforts between samples: held, or band-limited; default: as it shows."),
+    ] = None
+    time: Annotated[
+        str | None, typer.Option(help="Its column of times; default: time, t or stamp.")
+    ] = None
+    time_unit: Annotated[
+        str | None, typer.Option(help="Unit of its times: s, ms, us or ns; default: s.")
+    ] = None
+    stamps: Annotated[str, typer.Option(help="Times of a bag: header, or recorded.")] = "header"
+
+    @property
+    def are_unnamed(self) -> bool:
+        """Whether no column is named."""
+        return self.inputs is None and self.outputs is None
+
+
+@dataclass(frozen=True)
+class OutputOptions:
+    """The files that are written besides the model."""
+
+    system: Annotated[
+        Path | None, typer.Option(help="Also a linear system: .mat, .npz or .json.")
+    ] = None
+    appendage: Annotated[
+        str | None,
+        typer.Option(help="joint=axis,...: also modal data for a spacecraft."),
+    ] = None
+    uff: Annotated[
+        Path | None, typer.Option(help="Also responses and modes as a universal file: .uff, .unv.")
+    ] = None
+    mass: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("kg"),
+            help="Of an appendage [kg]: the modes of a universal file as modal data.",
+        ),
+    ] = None
+
+
+@expand_options
 def identify(
     runs: Annotated[
         list[Path],
         typer.Argument(help="Runs or bags; the first gives the model, the others prove it."),
     ],
-    fit: Annotated[
-        str | None, typer.Option(help="Keys of the testbed to fit, with commas between.")
-    ] = None,
-    start: Annotated[
-        list[str] | None, typer.Option(help="key=value, where a fit begins; may be repeated.")
-    ] = None,
-    band: Annotated[
-        str | None, typer.Option(help="Band low,high [rad/s]; default: that of the excitation.")
-    ] = None,
-    inputs: Annotated[
-        str | None, typer.Option(help="Columns of efforts in a file of another bench.")
-    ] = None,
-    outputs: Annotated[str | None, typer.Option(help="Columns of sensors in that file.")] = None,
-    period: Annotated[
-        float | None, typer.Option(help="Its sampling period [s]; default: the median.")
-    ] = None,
-    past: Annotated[
-        bool, typer.Option("--past", help="Efforts are stamped when they end, not when they begin.")
-    ] = False,
-    time: Annotated[
-        str | None, typer.Option(help="Its column of times; default: time, t or stamp.")
-    ] = None,
-    time_unit: Annotated[
-        str | None, typer.Option(help="Unit of its times: s, ms, us or ns; default: s.")
-    ] = None,
-    stamps: Annotated[str, typer.Option(help="Times of a bag: header, or recorded.")] = "header",
+    *,
+    fitting: FitOptions,
+    columns: RecordOptions,
     out: Annotated[Path | None, typer.Option(help="Folder of the results; else the run's.")] = None,
-    system: Annotated[
-        Path | None, typer.Option(help="Also a linear system: .mat, .npz or .json.")
-    ] = None,
-    appendage: Annotated[
-        str | None,
-        typer.Option(help="joint=axis,...: also modal data for a spacecraft."),
-    ] = None,
-    uff: Annotated[
-        Path | None, typer.Option(help="Also responses and modes as a universal file: .uff, .unv.")
-    ] = None,
-    mass: Annotated[
-        float | None,
-        typer.Option(help="Of an appendage [kg]: the modes of a universal file as modal data."),
-    ] = None,
+    also: OutputOptions,
     replan: Annotated[
         bool,
         typer.Option(help="Residual of a slew on the model found, and of a new plan."),
@@ -95,24 +134,29 @@ def identify(
     from flexslew_lab.identification.page import identification_page, summary_rows, verdict
     from flexslew_lab.report.page import write_page
 
-    if inputs is None and outputs is None and runs[0].suffix.lower() in UNIVERSAL:
+    uff, system, appendage = also.uff, also.system, also.appendage
+    if columns.are_unnamed and runs[0].suffix.lower() in UNIVERSAL:
         given: dict[str, object] = {
-            "--fit": fit,
-            "--start": start,
+            "--fit": fitting.fit,
+            "--start": fitting.start,
             "--replan": replan,
             "--system": system,
+            "--appendage": appendage,
+            "--past": columns.past,
+            "--period": columns.period,
+            "--time": columns.time,
+            "--time-unit": columns.time_unit,
+            "--hold": columns.hold,
         }
-        given |= {"--appendage": appendage, "--past": past, "--period": period, "--time": time}
-        _require_none(runs, given | {"--time-unit": time_unit})
-        _identify_universal(runs[0], _band(band), mass, out, uff, as_json)
+        _require_none(runs, given)
+        _identify_universal(runs[0], _band(fitting.band), also, out, as_json)
         return
-    if mass is not None:
+    if also.mass is not None:
         raise BadInput("--mass belongs to a universal file with modes", runs[0])
     if uff is not None:
         check_output_file(uff, "--uff")
-    clock = _clock(time, time_unit, stamps)
-    columns = (inputs, outputs, period, past)
-    experiments = [_experiment(run, columns, clock, trust) for run in runs]
+    _require_known(columns)
+    experiments = [_experiment(run, columns, trust) for run in runs]
     folder = out or _output_folder(runs[0])
     for name in (MODEL, PAGE):
         check_output_file(folder / name, "--out")
@@ -121,9 +165,9 @@ def identify(
     with for_people.status("identifying") as status:
         found = identified(
             experiments,
-            _band(band),
-            tuple(key.strip() for key in fit.split(",")) if fit else (),
-            _starts(start),
+            _band(fitting.band),
+            tuple(key.strip() for key in fitting.fit.split(",")) if fitting.fit else (),
+            _starts(fitting.start),
             status.update,
         )
     better = _next(runs[0], experiments[0], found.model, trust) if replan else None
@@ -138,7 +182,7 @@ def identify(
     if system is not None:
         save_system(found.model, system)
     if uff is not None:
-        from flexslew_lab.identification.universal import write_model as write_universal
+        from flexslew_lab.identification.responses.universal import write_model as write_universal
 
         write_universal(uff, found.model, found.response)
     if as_json:
@@ -170,21 +214,20 @@ def _require_none(runs: list[Path], given: dict[str, object]) -> None:
 def _identify_universal(
     path: Path,
     band: tuple[float, float] | None,
-    mass: float | None,
+    also: OutputOptions,
     out: Path | None,
-    uff: Path | None,
     as_json: bool,
 ) -> None:
     """Fit the frequency responses of a universal file, or write its modes as modal data."""
-    from flexslew_lab.identification.frf_fit import identify_responses
     from flexslew_lab.identification.model_file import write_model
-    from flexslew_lab.identification.response_page import (
+    from flexslew_lab.identification.responses.frf_fit import identify_responses
+    from flexslew_lab.identification.responses.response_page import (
         response_numbers,
         response_rows,
         responses_page,
         responses_verdict,
     )
-    from flexslew_lab.identification.universal import (
+    from flexslew_lab.identification.responses.universal import (
         read_modal_data,
         read_responses,
         write_response_model,
@@ -192,7 +235,7 @@ def _identify_universal(
     from flexslew_lab.report.page import write_page
     from flexslew_plant.yaml_data import yaml_text
 
-    folder = out or _output_folder(path)
+    folder, mass, uff = out or _output_folder(path), also.mass, also.uff
     if mass is not None:
         if band is not None or uff is not None or as_json:
             raise BadInput(
@@ -233,20 +276,15 @@ def _next(
         )
 
 
-def _experiment(
-    run: Path,
-    columns: tuple[str | None, str | None, float | None, bool],
-    clock: dict[str, Any],
-    trust: list[str] | None,
-) -> "Experiment":
-    from flexslew_lab.identification.file_experiment import FileColumns, experiment_of_file
+def _experiment(run: Path, columns: RecordOptions, trust: list[str] | None) -> "Experiment":
     from flexslew_lab.identification.files import READERS
     from flexslew_lab.identification.identification import experiment_of
+    from flexslew_lab.identification.records.file_experiment import FileColumns, experiment_of_file
 
-    inputs, outputs, period, past = columns
+    inputs, outputs, period = columns.inputs, columns.outputs, columns.period
     if not os.path.exists(run):
         raise BadInput("no such run", run)
-    if inputs is None and outputs is None:
+    if columns.are_unnamed:
         if run.is_file() and run.suffix.lower() in READERS:
             raise BadInput("name its columns: --inputs and --outputs", run)
         return experiment_of(run, Trust.of(trust or ()))
@@ -254,24 +292,25 @@ def _experiment(
         raise BadInput(f"{run}: --inputs and --outputs belong together")
     if period is not None and not 0.0 < period < inf:
         raise BadInput("a number of seconds above 0", key="--period", value=period)
-    chosen = FileColumns(
-        inputs=_names(inputs), outputs=_names(outputs), period=period, past=past, **clock
-    )
+    names = {"inputs": _names(inputs), "outputs": _names(outputs)}
+    chosen = FileColumns(**asdict(columns) | names)
     experiment, notes = experiment_of_file(bag_folder(run), chosen)
     for words in notes:
         print_message(f"{run}: {words}")
     return experiment
 
 
-def _clock(time: str | None, unit: str | None, stamps: str) -> dict[str, Any]:
-    """Return the keys of FileColumns that select the times."""
+def _require_known(columns: RecordOptions) -> None:
+    """Require of the options with a choice one of their values."""
     from flexslew_lab.identification.files.columns import UNITS
+    from flexslew_lab.identification.records.hold import Hold
 
-    if unit is not None and unit not in UNITS:
-        raise BadInput(f"one of {', '.join(UNITS)}", key="--time-unit", value=unit)
-    if stamps not in _STAMPS:
-        raise BadInput(f"one of {', '.join(_STAMPS)}", key="--stamps", value=stamps)
-    return {"time": time, "time_unit": unit, "stamps": stamps}
+    if columns.hold not in (None, *get_args(Hold)):
+        raise BadInput(f"one of {', '.join(get_args(Hold))}", key="--hold", value=columns.hold)
+    if columns.time_unit not in (None, *UNITS):
+        raise BadInput(f"one of {', '.join(UNITS)}", key="--time-unit", value=columns.time_unit)
+    if columns.stamps not in _STAMPS:
+        raise BadInput(f"one of {', '.join(_STAMPS)}", key="--stamps", value=columns.stamps)
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -290,13 +329,10 @@ def _output_folder(run: Path) -> Path:
 def _band(text: str | None) -> tuple[float, float] | None:
     if text is None:
         return None
-    try:
-        low, high = (float(part) for part in text.split(","))
-    except ValueError:
-        low = high = 0.0
-    if not 0.0 < low < high < float("inf"):
+    ends = numbers_in(text, ("rad/s",), "--band")
+    if len(ends) != 2 or not 0.0 < ends[0] < ends[1]:
         raise BadInput("two numbers, low,high [rad/s]", key="--band", value=text)
-    return low, high
+    return ends[0], ends[1]
 
 
 def _axes(text: str) -> dict[str, str]:

@@ -12,12 +12,14 @@ import typer
 from typer.main import get_command
 
 from flexslew_lab.cli.analyse import analyse
+from flexslew_lab.cli.benchmark import benchmark
 from flexslew_lab.cli.checkout import bench, extras, run_tests
 from flexslew_lab.cli.compare import Sets, TrialFile, compare
 from flexslew_lab.cli.completion import completion
 from flexslew_lab.cli.conform import conform
 from flexslew_lab.cli.console import console
 from flexslew_lab.cli.early import OPERATING
+from flexslew_lab.cli.export import export
 from flexslew_lab.cli.gains import gains
 from flexslew_lab.cli.identify import identify
 from flexslew_lab.cli.import_model import import_model
@@ -31,12 +33,14 @@ from flexslew_lab.cli.interrupt import (
 from flexslew_lab.cli.log import Json, log, reading_limits, recover
 from flexslew_lab.cli.missing import remedy, require_ros
 from flexslew_lab.cli.model import model
-from flexslew_lab.cli.open_page import Open, open_page
 from flexslew_lab.cli.operate import COMMANDS
-from flexslew_lab.cli.plain_help import without_types
+from flexslew_lab.cli.options.with_command import CommandWithProgram
+from flexslew_lab.cli.output.open_page import Open, open_page
+from flexslew_lab.cli.output.plain_help import without_types
+from flexslew_lab.cli.output.reproduced import show_rows
+from flexslew_lab.cli.play import live, play
 from flexslew_lab.cli.publish import archive, figure
-from flexslew_lab.cli.replay import TrustOption, check, live, play, resim
-from flexslew_lab.cli.reproduced import show_rows
+from flexslew_lab.cli.replay import TrustOption, check, resim
 from flexslew_lab.cli.runs import runs
 from flexslew_lab.cli.schema import schema
 from flexslew_lab.cli.study import study
@@ -68,6 +72,7 @@ app = typer.Typer(
 )
 app.add_typer(log, name="log", rich_help_panel="Logs and replay")
 app.add_typer(study, name="study", rich_help_panel="Analyse and identify")
+app.add_typer(benchmark, name="benchmark", rich_help_panel="Analyse and identify")
 app.add_typer(runs, name="runs", rich_help_panel="Look at runs")
 app.callback()(reading_limits)
 
@@ -97,10 +102,10 @@ def trial(
     """
     from dataclasses import replace
 
-    from flexslew_lab.cli.summary import metric_rows
+    from flexslew_lab.cli.output.summary import metric_rows
     from flexslew_lab.metrics.own import keys_of, load_user_metrics
     from flexslew_lab.report.verdict import run_summary
-    from flexslew_lab.run.run_trial import run_trial
+    from flexslew_lab.run.run_trial import RunFeedback, run_trial
     from flexslew_lab.trial.sources import read_trial
 
     if no_report and open_it:
@@ -116,7 +121,8 @@ def trial(
         display_progress(requested.name, "ticks", "flying") as update,
         exit_timeout(EXIT_TIMEOUT if in_process else NODES_EXIT_TIMEOUT),
     ):
-        result = run_trial(requested, source, out, in_process, not no_report, update, print_message)
+        feedback = RunFeedback(update, print_message)
+        result = run_trial(requested, source, out, in_process, not no_report, feedback)
     if result.exit_code == SIGNAL_EXIT_CODE:
         print_message(f"interrupted; what was recorded until then is in {result.folder}")
         sys.exit(SIGNAL_EXIT_CODE)
@@ -175,8 +181,8 @@ def plan(
 
     Example: `./flexslew plan --out plan.yaml --figure plan.html`
     """
-    from flexslew_control.plan_file import plan_hash, save_plan
     from flexslew_control.planners import make_plan, other_method, plan_settings
+    from flexslew_control.plans.plan_file import plan_hash, save_plan
     from flexslew_lab.report.verdict import plan_verdict
     from flexslew_lab.trial.angles import doubtful_angles
     from flexslew_lab.trial.sources import read_trial
@@ -344,12 +350,13 @@ _GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "Look at runs": (report, compare, figure, archive),
     "Operate a running bench": (*COMMANDS, live),
     "Logs and replay": (resim, check, play, recover),
-    "Analyse and identify": (analyse, gains, model, identify, reproduce),
+    "Analyse and identify": (analyse, gains, model, export, identify, reproduce),
     "The bench itself": (bench, extras, completion),
 }
 for _group, _commands in _GROUPS.items():
     for _command in _commands:
-        app.command(rich_help_panel=_group)(_command)
+        kind = CommandWithProgram if _command in (resim, check) else None
+        app.command(cls=kind, rich_help_panel=_group)(_command)
 _OTHERS = {"allow_extra_args": True, "ignore_unknown_options": True}
 app.command(context_settings=_OTHERS, rich_help_panel="Analyse and identify")(conform)
 app.command("import", rich_help_panel="Analyse and identify")(import_model)

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from flexslew_lab.cli.compare import Sets, TrialFile
+from flexslew_lab.cli.options.quantity import quantity
 from flexslew_lab.cli.terminal import print_message, print_table
 from flexslew_lab.named import names_in
 from flexslew_lab.trial.outputs import check_output_file
@@ -15,7 +16,10 @@ from flexslew_plant.near_names import spelling_hint
 
 At = Annotated[
     float | None,
-    typer.Option(help="Linearise about the plan's position at this simulated time [s]."),
+    typer.Option(
+        parser=quantity("s"),
+        help="Linearise about the plan's position at this simulated time [s].",
+    ),
 ]
 Joints = Annotated[
     list[str] | None,

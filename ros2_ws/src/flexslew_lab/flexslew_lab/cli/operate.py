@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.options.quantity import quantity
 from flexslew_lab.cli.terminal import print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_lab.run.domain import (
@@ -26,7 +27,9 @@ if TYPE_CHECKING:
 _FALLBACK_TIMEOUT = 1.5  # patience where no run has left its domain [wall s]
 
 Namespace = Annotated[str, typer.Option(help="Namespace of the bench, if it has one.")]
-At = Annotated[float, typer.Option(help="Simulated time [s]; 0: the next tick.")]
+At = Annotated[
+    float, typer.Option(parser=quantity("s"), help="Simulated time [s]; 0: the next tick.")
+]
 
 
 def start(namespace: Namespace = "") -> None:

@@ -1,15 +1,15 @@
-"""Subcommands that replay a log: resimulate, check a controller, play; and the live view."""
+"""Subcommands that replay a log: resimulate it, or check a controller."""
 
-import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.progress import BarColumn, Progress, TextColumn
 
 from flexslew_lab.cli.log import Bag, Json, exit_unless
+from flexslew_lab.cli.options.option_groups import expand_options
+from flexslew_lab.cli.options.with_command import Patience, With, program_of
 from flexslew_lab.cli.terminal import (
-    for_people,
     link,
     print_line,
     print_message,
@@ -17,7 +17,6 @@ from flexslew_lab.cli.terminal import (
 )
 from flexslew_lab.json_text import json_text
 from flexslew_lab.progress import display_progress
-from flexslew_lab.run.domain import requested_domain
 from flexslew_lab.trial.outputs import bag_folder, check_output_file
 from flexslew_plant.counted import count_text
 from flexslew_plant.errors import BadInput
@@ -29,13 +28,56 @@ TrustOption = Annotated[
         "--trust", help="Allow this class that is named there: file.py:Class, or all; repeatable."
     ),
 ]
-Partial = Annotated[
-    bool, typer.Option("--partial", help="The log holds a part of the run: accept that part.")
-]
 
 
+@dataclass(frozen=True)
+class LogOptions:
+    """What a replay accepts of a log."""
+
+    partial: Annotated[
+        bool, typer.Option("--partial", help="The log holds a part of the run: accept that part.")
+    ] = False
+    trust: TrustOption = None
+
+
+@dataclass(frozen=True)
+class ProgramOptions:
+    """The program that answers instead of a law."""
+
+    command: With = None
+    patience: Patience = 10.0
+
+
+@dataclass(frozen=True)
+class ToleranceOptions:
+    """The differences that count as equal."""
+
+    tolerance: Annotated[
+        float,
+        typer.Option(min=0.0, help="Accepted difference, of the field's largest magnitude [-]."),
+    ] = 0.0
+    absolute: Annotated[
+        float, typer.Option(min=0.0, help="Accepted difference, in the field's unit, added to it.")
+    ] = 0.0
+
+
+@dataclass(frozen=True)
+class LawOptions:
+    """What replaces the recorded law."""
+
+    law: Annotated[str | None, typer.Option(help="Law instead of the recorded one.")] = None
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", help="key=value in YAML, replaces the recorded one; may be repeated."
+        ),
+    ] = None
+
+
+@expand_options
 def resim(
     bag: Bag,
+    *,
     elsewhere: Annotated[
         bool, typer.Option(help="Recorded on another build or processor: accept rounding.")
     ] = False,
@@ -45,15 +87,23 @@ def resim(
             "--set", help="key.path=value of the trial but its plan: what does it change?"
         ),
     ] = None,
-    partial: Partial = False,
-    trust: TrustOption = None,
+    command: With = None,
+    controller: Annotated[
+        str,
+        typer.Option(
+            help="With --with: the controller of the log that COMMAND replaces; default: "
+            "the one that was a program, or the first active one."
+        ),
+    ] = "",
+    patience: Patience = 10.0,
+    accepted: LogOptions,
     as_json: Json = False,
 ) -> None:
     """Simulate a run again from its log alone and compare the trajectory.
 
     The exit code is 1 unless every bit is the same; --elsewhere accepts a difference of each field
     of up to 1e-9 of its largest magnitude. A law or a testbed from a file or a module runs only if
-    --trust names it.
+    --trust names it. A controller that was a program of its own flies again with --with.
 
     Example: `./flexslew resim runs/m1-20260101-120000`
     """
@@ -61,8 +111,20 @@ def resim(
     from flexslew_lab.replay.resim import resim as fly_again
     from flexslew_lab.trial.sources import changes_of
 
+    if controller and command is None:
+        raise BadInput(
+            "is the controller that --with COMMAND replaces; add that option", key="--controller"
+        )
+    program = program_of(command, patience)
     with display_progress("resim", "ticks") as update:
-        result = fly_again(bag_folder(bag), update, changes_of(sets), Trust.of(trust or ()))
+        result = fly_again(
+            bag_folder(bag),
+            update,
+            changes_of(sets),
+            Trust.of(accepted.trust or ()),
+            program,
+            controller,
+        )
     first = result.first_difference
     if as_json:
         values = {**result._asdict(), "first_difference": first and first._asdict()}
@@ -91,46 +153,54 @@ def resim(
             )
     _print_coverage(result.missing, result.changed_code)
     exit_unless(result.identical or (elsewhere and result.within_tolerance))
-    exit_unless(partial or not result.missing)
+    exit_unless(accepted.partial or not result.missing)
 
 
+@expand_options
 def check(
     bag: Bag,
     controller: Annotated[
-        str, typer.Argument(help="Name of the controller in the log; default: the first in it.")
-    ] = "",
-    law: Annotated[str | None, typer.Option(help="Law instead of the recorded one.")] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", help="key=value in YAML, replaces the recorded one; may be repeated."
+        str,
+        typer.Argument(
+            help="Name of the controller in the log; default: the first active one, or with --with "
+            "the one that was a program."
         ),
-    ] = None,
+    ] = "",
+    *,
+    program: ProgramOptions,
+    tolerance: ToleranceOptions,
+    replacement: LawOptions,
     figure: Annotated[Path | None, typer.Option(help="Draw the differences as HTML.")] = None,
-    partial: Partial = False,
-    trust: TrustOption = None,
+    accepted: LogOptions,
     as_json: Json = False,
 ) -> None:
     """Feed recorded measurements to a controller and compare every number of its answers.
 
-    The exit code is 1 if any number differs.
+    With --with, a program of its own in whatever language answers instead of a law, and the
+    efforts of its commands are compared. The exit code is 1 if any number differs by more than
+    the tolerance.
 
     Example: `./flexslew check runs/m1-20260101-120000 pd_feedforward`
     """
-    from flexslew_lab.log.bag_reader import BagReader
+    from flexslew_lab.replay.check import AnswerTolerance, difference_page
     from flexslew_lab.replay.check import check as compare
-    from flexslew_lab.replay.check import difference_page
-    from flexslew_lab.replay.logged_code import reading
-    from flexslew_lab.replay.logged_controllers import logged_laws
 
+    if program.command is not None and (replacement.law or replacement.settings):
+        raise BadInput("--law and --set change a law of the bench; leave them out", key="--with")
+    start = program_of(program.command, program.patience)
     if figure is not None:
         check_output_file(figure, "--figure")
-    place = bag_folder(bag)
-    trusted = Trust.of(trust or ())
-    with reading(reader := BagReader(place, trust=trusted)):
-        name = controller or next(iter(logged_laws(reader)))
     with display_progress("check", "ticks") as update:
-        result = compare(place, name, law, _settings(settings or []), update, trusted)
+        result = compare(
+            bag_folder(bag),
+            controller,
+            replacement.law,
+            _settings(replacement.settings or []),
+            update,
+            Trust.of(accepted.trust or ()),
+            start,
+            AnswerTolerance(tolerance.tolerance, tolerance.absolute),
+        )
     if figure is not None:
         from flexslew_lab.report.page import write_page
 
@@ -164,92 +234,7 @@ def check(
                 f"recorded {first.recorded!r}, here {first.ours!r}"
             )
     _print_coverage(result.missing, result.changed_code)
-    exit_unless(result.ok and (partial or not result.missing))
-
-
-def play(
-    bag: Bag,
-    rate: Annotated[
-        float, typer.Option(help="Speed relative to real time; 0: as fast as possible.")
-    ] = 1.0,
-    start: Annotated[float, typer.Option(help="Simulated time at which to begin [s].")] = 0.0,
-    duration: Annotated[
-        float | None, typer.Option(help="Simulated time to play [s]; default: all.")
-    ] = None,
-    loop: Annotated[bool, typer.Option("--loop", help="Start over at the end.")] = False,
-    topics: Annotated[
-        list[str] | None, typer.Option(help="Topic to play; default: all; may be repeated.")
-    ] = None,
-    remap: Annotated[list[str] | None, typer.Option(help="old:=new; may be repeated.")] = None,
-    clock: Annotated[
-        float, typer.Option(help="Generate /clock at this rate in place of the recorded one [Hz].")
-    ] = 0.0,
-    pause: Annotated[bool, typer.Option("--pause", help="Wait for /play/resume.")] = False,
-    wait_for: Annotated[
-        list[str] | None, typer.Option(help="Node that must be listening first; may be repeated.")
-    ] = None,
-    namespace: Annotated[
-        str, typer.Option(help="Namespace of the topics; default: as recorded.")
-    ] = "",
-) -> None:
-    """Publish the messages of a bag again, in order, with their stamps.
-
-    Services: /play/pause, /play/resume (Trigger), /play/step (flexslew_msgs/Step) and /play/seek
-    (flexslew_msgs/Seek).
-
-    Example: `./flexslew play runs/m1-20260101-120000 --rate 10`
-    """
-    from flexslew_lab.replay.player import PlaySettings
-    from flexslew_lab.ros.play_node import play as run
-    from flexslew_plant.settings import validated
-
-    values = {
-        "bag": str(bag_folder(bag)), "rate": rate, "start": start, "duration": duration,
-        "loop": loop,
-        "topics": topics or (), "remap": remap or (), "clock": clock, "paused": pause,
-        "wait_for": wait_for or (),
-    }  # fmt: skip
-    settings: PlaySettings = validated(PlaySettings, values, "play")
-    print_message(f"playing on ROS_DOMAIN_ID {requested_domain() or 0}; Ctrl-C ends it")
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[at]}"))
-    hidden = not for_people.is_terminal
-    with Progress(*columns, console=for_people, transient=True, disable=hidden) as bar:
-        task = bar.add_task("play", total=None, at="")
-
-        def report(time: float, end: float) -> None:
-            bar.update(task, completed=time, total=end, at=f"{time:.2f} of {end:.2f} s")
-
-        run(settings, report, namespace)
-
-
-def live(
-    port: Annotated[int, typer.Option(help="Port on 127.0.0.1; 0: any free one.")] = 8765,
-    namespace: Annotated[str, typer.Option(help="Namespace of the bench, if it has one.")] = "",
-    operate: Annotated[
-        bool, typer.Option("--operate", help="Clients may command the bench, too.")
-    ] = False,
-    origin: Annotated[
-        list[str] | None,
-        typer.Option(help="Origin of another page that may connect; may be repeated."),
-    ] = None,
-) -> None:
-    """Show a running bench in the Foxglove app, over a WebSocket server on this machine only.
-
-    The address that it prints is opened in Foxglove.
-
-    Example: `./flexslew live`
-    """
-    from flexslew_lab.ros.live_node import LiveSettings
-    from flexslew_lab.ros.live_node import live as run
-    from flexslew_lab.run.domain import bench_domain
-
-    if not 0 <= port <= 65535:
-        raise BadInput("0 to 65535", key="--port", value=port)
-    domain, _ = bench_domain()
-    os.environ["ROS_DOMAIN_ID"] = str(domain)
-    print_message(f"ROS_DOMAIN_ID {domain}")
-    settings = LiveSettings(port=port, operate=operate, origins=tuple(origin or ()))
-    run(settings, print_message, namespace)
+    exit_unless(result.ok and (accepted.partial or not result.missing))
 
 
 def _print_coverage(missing: str, changed: dict[str, tuple[str, str]]) -> None:

@@ -10,8 +10,8 @@ import typer
 from flexslew_lab.cli.compare import Workers
 from flexslew_lab.cli.interrupt import NODES_EXIT_TIMEOUT, exit_timeout
 from flexslew_lab.cli.log import Json, exit_unless
+from flexslew_lab.cli.output.study_results import print_summary, side_by_side
 from flexslew_lab.cli.replay import TrustOption
-from flexslew_lab.cli.study_words import print_summary, side_by_side
 from flexslew_lab.cli.terminal import print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_lab.progress import display_progress

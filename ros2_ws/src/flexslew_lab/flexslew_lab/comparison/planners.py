@@ -70,7 +70,7 @@ def planners(trial: Trial, source: str, errors: Sequence[float] = ERRORS) -> Des
     if not errors or min(errors) <= -1.0:
         raise BadInput("one or more, each above -1", key="errors", value=list(errors))
     trial = replace(trial, plan=section)
-    set_up(trial, source)  # refused before all planning
+    set_up(trial, source)[0].close()  # refused before all planning
     return Description(
         trial,
         source,

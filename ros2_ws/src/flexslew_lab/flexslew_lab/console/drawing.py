@@ -12,6 +12,8 @@ from flexslew_lab.console.charting import expression, full_chart
 from flexslew_lab.console.gui import Element, Gui, accepted
 from flexslew_lab.console.scene_drawing import SceneWidget
 from flexslew_lab.console.sheet import PRIMARY, SCRIPT, SHEET
+from flexslew_lab.console.uploads import UploadedFile
+from flexslew_plant.given_file import LARGEST
 
 # of other elements
 _PLACES = ("folder", "details", "tools", "grid", "row", "stack", "card", "tile", "handle")
@@ -160,6 +162,13 @@ class PageView:
             callback(self.number)
         self._show()
 
+    def received(self, element: Element, file: UploadedFile) -> None:
+        """Take a file that the page has sent."""
+        if _accepts_input(element):
+            element.value.append(file)
+            for callback in element.changed:
+                callback(self.number)
+
     def on_click(self, element: Element) -> None:
         """Take a click."""
         if _accepts_input(element):
@@ -260,6 +269,24 @@ def _folder(view: PageView, element: Element) -> Any:
         if element.label:
             ui.html(element.label, sanitize=False, tag="legend")
     return widget
+
+
+def _upload(view: PageView, element: Element) -> Any:
+    """Return a place that files are dropped onto, or chosen for; sent at once, one by one."""
+
+    async def take(event: Any) -> None:
+        content = await event.file.read()
+        view.received(element, UploadedFile(str(event.file.name), content))
+
+    widget = ui.upload(label=element.label, on_upload=take, multiple=True, auto_upload=True,
+                       max_file_size=LARGEST)  # fmt: skip
+    # the button and the input of the widget have an icon and no name
+    name = f"e => e.setAttribute('aria-label', {element.label!r})"
+    named = f"node.el.querySelectorAll('a, input').forEach({name})"
+    # a button must not contain another control, which this input counts as; a link may
+    role = "node.el.querySelectorAll('a').forEach(e => e.setAttribute('role', 'link'))"
+    widget.on("vnodeMounted", js_handler=f"node => {{ {named}; {role}; }}")
+    return widget.props(f"accept={','.join(element.options)} flat bordered").classes("bench-field")
 
 
 def _tile(view: PageView, element: Element) -> Any:
@@ -404,6 +431,7 @@ _WIDGETS: dict[str, Callable[[PageView, Element], Any]] = {
     "check": partial(_field, _check),
     "slider": partial(_field, _slider),
     "html": lambda view, e: ui.html(e.content, sanitize=False),
+    "upload": _upload,
     "folder": _folder,
     "details": _details,
     "tile": _tile,

@@ -11,6 +11,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from flexslew_plant.errors import BadInput
+from flexslew_plant.given_file import LARGEST, MIB
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 FILES = "/run/"  # before the names of the files that the gate serves itself
@@ -96,6 +97,8 @@ class Gate:
         safe_send = _with_security_headers(scope, send, cookie if by_address and not why else "")
         if why:
             await answer(safe_send, 403, why.encode())
+        elif scope.get("method") not in ("GET", "HEAD") and not _is_short(scope):
+            await answer(safe_send, 413, f"at most {LARGEST // MIB} MiB are taken".encode())
         elif scope["path"].startswith(FILES):
             await self._file(scope["path"].removeprefix(FILES), safe_send)
         else:
@@ -150,6 +153,14 @@ def _query_has_token(query: bytes, token: str) -> bool:
         candidate = parse_qs(query.decode("latin-1"), max_num_fields=100).get("token", [""])[0]
         return secrets.compare_digest(candidate.encode(), token.encode())
     except ValueError:  # more fields than anybody gives
+        return False
+
+
+def _is_short(scope: Scope) -> bool:
+    """Return whether a request states its length, and is no longer than the largest file."""
+    try:
+        return 0 <= int(header(scope, "content-length") or "") <= LARGEST + MIB
+    except (LookupError, ValueError):
         return False
 
 

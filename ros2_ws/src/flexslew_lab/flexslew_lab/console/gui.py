@@ -8,7 +8,10 @@ from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
+from flexslew_lab.console.uploads import UploadedFile
+
 PageCallback = Callable[[int], None]  # takes the number of the page that did it
+_MOST_FILES = 8  # of an upload that wait to be taken
 _VISIBLE_FIELDS = frozenset(
     {"label", "value", "options", "visible", "enabled", "content", "data", "children"}
 )
@@ -24,7 +27,8 @@ class Element:
         given: any of the attributes.
 
     Attributes:
-        value: of a field; number of the tile that was dragged onto a tile.
+        value: of a field; of an upload, the files that nobody has taken yet; number of the tile
+            that was dragged onto a tile.
         options: of a choice, or the columns of a table.
         hint: shown where the pointer rests.
         visible: it is there.
@@ -137,6 +141,11 @@ class Gui:
     ) -> Element:
         """Add a button."""
         return self.add("button", label, hint=hint, color=color, key=key, visible=visible)
+
+    def upload(self, label: str, endings: Sequence[str]) -> Element:
+        """Add a place for files with these endings; pages add an UploadedFile to its value."""
+        queue = deque[UploadedFile](maxlen=_MOST_FILES)
+        return self.add("upload", label, value=queue, options=tuple(endings))
 
     def html(self, content: str = "", visible: bool = True) -> Element:
         """Add text as HTML."""

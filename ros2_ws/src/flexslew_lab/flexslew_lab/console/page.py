@@ -1,6 +1,7 @@
 """The page: which panels stand where."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from threading import Event
 from time import monotonic, process_time
@@ -23,6 +24,7 @@ from flexslew_lab.console.panels.run import FINISHED, HeaderPanel
 from flexslew_lab.console.panels.scene import ScenePanel
 from flexslew_lab.console.panels.sky import SkyPanel
 from flexslew_lab.console.panels.tune import TunePanel
+from flexslew_lab.console.panels.uploads import UploadsPanel
 from flexslew_lab.console.server import ConsoleServer
 
 POLL_PERIOD = 0.025  # between two polls at bench and pages [wall s]
@@ -120,7 +122,7 @@ class Page:
         work: dict[str, tuple[Make, ...]] = {
             "Plan": (PlanPanel,),
             "Faults": (ActivePanel, DisturbancePanel, FaultPanel),
-            "Experiment": (ExperimentPanel,),
+            "Experiment": (ExperimentPanel, partial(UploadsPanel, files=self.server.gate.files)),
         }
         names = (*(work if live else ()), "Analysis", "Log", "End")
         with gui.right:

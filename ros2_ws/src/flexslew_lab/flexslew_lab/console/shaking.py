@@ -7,13 +7,13 @@ import numpy as np
 
 from flexslew_control.plan import Plan
 from flexslew_lab.console.view import BenchView
-from flexslew_lab.identification.frequency_response import (
+from flexslew_lab.identification.records.measurements import FIELDS, Channels, ticks_record
+from flexslew_lab.identification.records.record import Record
+from flexslew_lab.identification.responses.frequency_response import (
     FrequencyResponse,
     frequency_response,
     period_count,
 )
-from flexslew_lab.identification.measurements import FIELDS, Channels, ticks_record
-from flexslew_lab.identification.record import Record
 from flexslew_plant.errors import BadInput
 
 LEAST = 3  # periods: the first holds the transient, two separate noise from response

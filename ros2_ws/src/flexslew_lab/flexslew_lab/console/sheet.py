@@ -71,6 +71,10 @@ body, .body--dark { background: var(--page) !important; color: var(--text); font
 .bench-scene, .bench-scene svg { width: 100%; height: clamp(170px, 30vh, 420px); }
 .bench-scene { overflow: hidden; }
 .bench-scene > div { height: 100%; }  /* the canvas takes its size */
+.bench-page .q-uploader, .bench-page .q-uploader__header, .bench-page .q-uploader__list,
+.bench-page .q-uploader__title, .bench-page .q-uploader__subtitle {
+  background: var(--panel) !important; color: var(--text) !important; opacity: 1; }
+.bench-page .q-uploader { width: 100%; }
 .bench-table { width: 100%; max-height: 60vh; background: var(--panel); color: var(--text); }
 .bench-table td { overflow-wrap: anywhere; white-space: normal; cursor: pointer; }
 .bench-table td:first-child { white-space: nowrap; overflow-wrap: normal; }

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexslew_control.law import plant_description
 from flexslew_lab.console.history import Track
-from flexslew_lab.identification.measurements import FIELDS
+from flexslew_lab.identification.records.measurements import FIELDS
 from flexslew_lab.log.bag_columns import blocks_of
 from flexslew_lab.log.files.mcap_scan import RawMessage
 from flexslew_lab.log.joints_flown import joints_and_modes

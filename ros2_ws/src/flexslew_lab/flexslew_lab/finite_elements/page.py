@@ -23,7 +23,8 @@ def import_page(found: ImportedModel, name: str) -> str:
     """Return tables and modes of a model as HTML that needs nothing else."""
     words = (
         "Effective mass: the share of the mass, and of the inertia about the hinge, that each mode "
-        "carries. What is left out moves with the hinge as if it were rigid."
+        "carries; rx, ry, rz are rotations about x, y, z. What is left out moves with the hinge as "
+        "if it were rigid."
     )
     sections: list[Section] = [
         Text("Warnings", " ".join(f"{doubt}." for doubt in found.doubts), "bad"),

@@ -1,6 +1,7 @@
 """What a bench is made of, from its log alone.
 
-Offers: file_experiment, files, files.columns, files.csv_file, frequency_response, frf_fit,
-identification, measurements, modal_fit, model_file, modes, next_plan, page, parameter_groups,
-physical_fit, record, response_page, universal.
+Offers: files, files.columns, files.csv_file, identification, modal.modal_fit, modal.modes,
+modal.parameter_groups, model_file, next_plan, page, physical_fit, records.file_experiment,
+records.hold, records.measurements, records.record, responses.frequency_response, responses.frf_fit,
+responses.response_page, responses.universal.
 """

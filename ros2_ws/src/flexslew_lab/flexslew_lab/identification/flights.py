@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_lab.identification.oscillators import Oscillator
-from flexslew_lab.identification.projection import Projection
-from flexslew_lab.identification.record import Quantity, Record
+from flexslew_lab.identification.modal.oscillators import Oscillator
+from flexslew_lab.identification.modal.projection import Projection
+from flexslew_lab.identification.records.record import Quantity, Record
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Model, Testbed, initial_state, with_changes

@@ -12,14 +12,17 @@ from flexslew_control.message_fields import plan_of
 from flexslew_control.plan import Plan
 from flexslew_control.planners.excitation.excitation import EXCITATION
 from flexslew_lab.identification.flights import nested
-from flexslew_lab.identification.frequency_response import FrequencyResponse, frequency_response
-from flexslew_lab.identification.from_bag import bag_of, record_of
-from flexslew_lab.identification.modal_fit import prediction_error, refined
+from flexslew_lab.identification.modal.modal_fit import prediction_error, refined
+from flexslew_lab.identification.modal.modes import Interval, ModalModel, identify_modes
+from flexslew_lab.identification.modal.regressors import RegressorSignals
 from flexslew_lab.identification.model_file import testbed_of
-from flexslew_lab.identification.modes import Interval, ModalModel, identify_modes
 from flexslew_lab.identification.physical_fit import PhysicalFit, fit_parameters
-from flexslew_lab.identification.record import Record
-from flexslew_lab.identification.regressors import RegressorSignals
+from flexslew_lab.identification.records.from_bag import bag_of, record_of
+from flexslew_lab.identification.records.record import Record
+from flexslew_lab.identification.responses.frequency_response import (
+    FrequencyResponse,
+    frequency_response,
+)
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.short_values import short
 from flexslew_plant.arrays import Vector

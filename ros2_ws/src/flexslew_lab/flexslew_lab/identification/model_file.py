@@ -8,8 +8,8 @@ import numpy as np
 from flexslew_control.analysis.linear_plant import continuous_plant
 from flexslew_control.analysis.model_file import save_model
 from flexslew_control.analysis.rest import rest_of
-from flexslew_lab.identification.modes import CONFIDENCE, Interval, ModalModel
-from flexslew_lab.identification.record import Quantity
+from flexslew_lab.identification.modal.modes import CONFIDENCE, Interval, ModalModel
+from flexslew_lab.identification.records.record import Quantity
 from flexslew_lab.json_text import nan_as_null
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput

@@ -4,8 +4,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from flexslew_control.plan import Plan
+from flexslew_lab.identification.modal.modes import ModalModel
 from flexslew_lab.identification.model_file import testbed_of
-from flexslew_lab.identification.modes import ModalModel
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.logged_controllers import trial_of
 from flexslew_lab.run.in_process import run_bench

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_lab.identification.frequency_response import FrequencyResponse
 from flexslew_lab.identification.identification import Identification
-from flexslew_lab.identification.modes import Interval
-from flexslew_lab.identification.record import Output
+from flexslew_lab.identification.modal.modes import Interval
+from flexslew_lab.identification.records.record import Output
+from flexslew_lab.identification.responses.frequency_response import FrequencyResponse
 from flexslew_lab.report.panels import Group, Panel, legend, style
 from flexslew_lab.report.sections import Section, Table, Text, page_of_sections
 from flexslew_plant.arrays import Vector

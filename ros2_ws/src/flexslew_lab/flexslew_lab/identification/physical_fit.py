@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares, linear_sum_assignment
 
 from flexslew_lab.identification.flights import FlightSimulation, Mismatch, nested
-from flexslew_lab.identification.modes import Interval, ModalModel, interval
+from flexslew_lab.identification.modal.modes import Interval, ModalModel, interval
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import flat, plain

@@ -4,8 +4,8 @@ One of your own: a class that fulfils `metric.Metric`, named in the trial as `me
 [my_metric.py:MyMetric]`, or offered by an installed package as an entry point of the group
 flexslew.metrics.
 
-Offers: course, efforts, epoch, from_bag, goal, joint_errors, keep_out, metric, operator_changes,
-own, rows, settling, takeovers, tip_deflection, trajectory.
+Offers: course, efforts, epoch, from_bag, goal, joint_errors, metric, operator_changes, own,
+platform.keep_out, rows, settling, takeovers, tip_deflection, trajectory.
 """
 
 from flexslew_lab.metrics.metric import Key as Key
@@ -23,13 +23,16 @@ from flexslew_lab.metrics.takeovers import TAKEOVERS as TAKEOVERS
 from flexslew_lab.metrics.operator_changes import OPERATOR_CHANGES as OPERATOR_CHANGES
 from flexslew_lab.metrics.course import COURSE as COURSE
 from flexslew_lab.metrics.trajectory import TRAJECTORY as TRAJECTORY
-from flexslew_lab.metrics.pointing import POINTING as POINTING  # after its values by appendage
-from flexslew_lab.metrics.platform_error import PLATFORM_ERROR as PLATFORM_ERROR
-from flexslew_lab.metrics.performance_errors import PERFORMANCE_ERRORS as PERFORMANCE_ERRORS
-from flexslew_lab.metrics.jitter import JITTER as JITTER
+from flexslew_lab.metrics.plant_timing import PLANT_TIMING as PLANT_TIMING
+from flexslew_lab.metrics.platform.pointing import POINTING as POINTING  # after those by appendage
+from flexslew_lab.metrics.platform.platform_error import PLATFORM_ERROR as PLATFORM_ERROR
+from flexslew_lab.metrics.platform.performance_errors import (
+    PERFORMANCE_ERRORS as PERFORMANCE_ERRORS,
+)
+from flexslew_lab.metrics.platform.jitter import JITTER as JITTER
 from flexslew_lab.metrics.momentum import MOMENTUM as MOMENTUM
-from flexslew_lab.metrics.line_of_sight import LINE_OF_SIGHT as LINE_OF_SIGHT
-from flexslew_lab.metrics.keep_out import KEEP_OUT as KEEP_OUT
+from flexslew_lab.metrics.platform.line_of_sight import LINE_OF_SIGHT as LINE_OF_SIGHT
+from flexslew_lab.metrics.platform.keep_out import KEEP_OUT as KEEP_OUT
 from flexslew_lab.metrics.vibration import VIBRATION as VIBRATION
 # isort: on
 

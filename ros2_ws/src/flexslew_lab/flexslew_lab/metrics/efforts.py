@@ -30,6 +30,16 @@ def saturation_excess(effort: Number, limit: Number) -> Number:
     return abs(effort) - limit * (1.0 - 1e-12)
 
 
+def squared_effort(effort: Number, held: Number) -> Number:
+    """Return the integral of u^2 while u was held, a term of EffortSums.square.
+
+    Args:
+        effort: u [N m or N].
+        held: for how long [s].
+    """
+    return effort * effort * held
+
+
 class Efforts:
     """Implements Metric."""
 
@@ -60,7 +70,7 @@ class Efforts:
         """Take the next ticks."""
         peak, square, saturated = self.sums
         peak = np.maximum(peak, np.abs(block.effort).max(axis=0))
-        square = add_rows(square, block.effort**2 * block.held[:, None])
+        square = add_rows(square, squared_effort(block.effort, block.held[:, None]))
         first = float(block.time[0]) if self.times is None else self.times[0]
         self.times = first, float(block.time[-1])
         limit = self._setup.limit

@@ -16,7 +16,7 @@ from flexslew_lab.metrics.metric import (
 )
 from flexslew_lab.metrics.settling import goal_displacement
 from flexslew_plant.arrays import Vector
-from flexslew_plant.testbeds.attitude import AttitudeJoints
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints
 
 
 class ErrorExtremes(NamedTuple):

@@ -14,7 +14,7 @@ from flexslew_lab.metrics.metric import (
     RunSetup,
     ready,
 )
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Number, Vector
 
 BAND = 0.02  # settling band, of the joint's commanded move [-]
 _MIN_MOVE = 1e-9  # moves below this are rounding [rad or m]
@@ -40,6 +40,21 @@ def settling_band(move: Vector) -> Vector:
     """
     size = np.abs(move)
     return np.asarray(BAND * np.where(size == 0.0, size.max(axis=-1, keepdims=True), size))
+
+
+def goal_excess(error: Number, direction: Number) -> Number:
+    """Return how far a joint is beyond its goal.
+
+    Args:
+        error: joint position - goal [rad or m].
+        direction: sign of its commanded move.
+    """
+    return error * direction
+
+
+def band_excess(error: Number, band: Number) -> Number:
+    """Return how far a joint is outside of its settling band; above 0: outside."""
+    return abs(error) - band
 
 
 class SettlingExtremes(NamedTuple):
@@ -85,10 +100,10 @@ class Settling:
             self._move = goal_displacement(self._setup.manoeuvre.displacement, block.error[0])
         outside, excess = self.extremes
         if block.started.any():
-            farthest = (block.error[block.started] * np.sign(self._move)).max(axis=0)
+            farthest = goal_excess(block.error[block.started], np.sign(self._move)).max(axis=0)
             np.fmax(excess, farthest, out=excess)
         for joint, band in enumerate(settling_band(self._move)):
-            ticks = np.flatnonzero(np.abs(block.error[:, joint]) > band)
+            ticks = np.flatnonzero(band_excess(block.error[:, joint], band) > 0.0)
             if ticks.size:
                 outside[joint] = block.time[ticks[-1]]
 

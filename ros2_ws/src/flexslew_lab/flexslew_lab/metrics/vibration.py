@@ -5,8 +5,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.block_motions import block_motions
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, goal_by_joint
+from flexslew_lab.metrics.platform.block_motions import block_motions
 from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
 from flexslew_plant.testbeds.contract import Retargetable
 

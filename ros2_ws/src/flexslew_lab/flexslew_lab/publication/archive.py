@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from flexslew_control.message_fields import plan_of
-from flexslew_control.plan_file import save_plan
+from flexslew_control.plans.plan_file import save_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_from, user_keys_of
 from flexslew_lab.metrics.rows import flat, row_unit

@@ -1,4 +1,4 @@
 """Replay of a log: onto the topics, through the bench again, into a controller.
 
-Offers: check, logged_code, logged_controllers, player, resim.
+Offers: check, logged_controllers, player, program, resim.
 """

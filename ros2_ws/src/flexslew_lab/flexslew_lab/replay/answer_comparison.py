@@ -1,5 +1,7 @@
 """Recorded answers compared with those of a controller here, field by field, tick by tick."""
 
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,10 +65,16 @@ class _Envelope:
 
 
 class AnswerField:
-    """One field while it is compared."""
+    """One field while it is compared.
 
-    def __init__(self, name: str, period: float) -> None:
-        self.name, self.curve = name, _Envelope(period)
+    Args:
+        name: of the field.
+        period: one tick [s].
+        allowed: largest |difference| that counts as equal, in the unit of the field.
+    """
+
+    def __init__(self, name: str, period: float, allowed: float = 0.0) -> None:
+        self.name, self.curve, self._allowed = name, _Envelope(period), allowed
         self.ticks, self.different = 0, 0
         self.first: int | None = None
         self.largest, self.magnitude = 0.0, 0.0
@@ -78,16 +86,19 @@ class AnswerField:
             wrong = None if list(recorded) == list(computed) else (self.name, recorded, computed)
             difference = float(wrong is not None)
         else:
-            wrong, difference = self._numbers(np.atleast_1d(recorded), np.atleast_1d(computed))
+            place = "" if np.ndim(recorded) == 0 else "[{}]"
+            wrong, difference = self._numbers(
+                np.atleast_1d(recorded), np.atleast_1d(computed), self.name + place
+            )
         self.curve.add(tick, difference)
+        self.largest = max(self.largest, difference)
         if wrong is not None:
             self.different += 1
             self.first = tick if self.first is None else self.first
-            self.largest = max(self.largest, difference)
         return wrong
 
     def _numbers(
-        self, recorded: np.ndarray, computed: np.ndarray
+        self, recorded: np.ndarray, computed: np.ndarray, place: str
     ) -> tuple[tuple[str, Any, Any] | None, float]:
         self.magnitude = max(self.magnitude, float(np.abs(recorded).max(initial=0.0)))
         if recorded.shape != computed.shape:
@@ -97,11 +108,13 @@ class AnswerField:
         other = (recorded != computed) & ~(np.isnan(recorded) & np.isnan(computed))
         if not other.any():
             return None, 0.0
+        gap = np.abs(recorded - computed)
+        largest = float(gap[other].max()) if np.isfinite(gap[other]).all() else float("inf")
+        other &= ~(gap <= self._allowed)
+        if not other.any():
+            return None, largest
         k = int(np.argmax(other))
-        place = f"{self.name}[{k}]" if self.name != "nis" else self.name
-        gap = np.abs(recorded - computed)[other]
-        largest = float(gap.max()) if np.isfinite(gap).all() else float("inf")
-        return (place, float(recorded[k]), float(computed[k])), largest
+        return (place.format(k), float(recorded[k]), float(computed[k])), largest
 
     def row(self) -> Row:
         """Return the sum of it."""
@@ -110,11 +123,22 @@ class AnswerField:
 
 
 class AnswerComparison:
-    """Pairs answers of the log with those of here; topics may lie in any order in a bag."""
+    """Pairs answers of the log with those of here; topics may lie in any order in a bag.
 
-    def __init__(self, period: float) -> None:
+    Args:
+        period: one tick [s].
+        fields: names of what is compared of an answer, which also has its `effort`.
+        allowed: largest |difference| by field that counts as equal; none: only equal numbers do.
+    """
+
+    def __init__(
+        self,
+        period: float,
+        fields: Sequence[str] = FIELDS,
+        allowed: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
         self.period = period
-        self.rows = {name: AnswerField(name, period) for name in FIELDS}
+        self.rows = {name: AnswerField(name, period, allowed.get(name, 0.0)) for name in fields}
         self.ticks, self.only_recorded, self.only_ours = 0, 0, 0
         self.first: Divergence | None = None
         self._recorded: dict[Key, dict[str, Any]] = {}
@@ -151,7 +175,7 @@ class AnswerComparison:
         self._done = key
         self.ticks += 1
         recorded, computed = self._recorded.pop(key), self._computed.pop(key)
-        for name in FIELDS:
+        for name in self.rows:
             if name in _LATER and len(recorded[name]) < len(computed[name]):
                 continue
             wrong = self.rows[name].add(key[1], recorded[name], computed[name])

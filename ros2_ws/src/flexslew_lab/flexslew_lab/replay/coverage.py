@@ -4,9 +4,9 @@ from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.counted import count_text
-from flexslew_plant.events import RunFinished, RunStopped, StateLost
+from flexslew_plant.events import PlantLost, RunFinished, RunStopped, StateLost
 
-_ENDS = (RunFinished, RunStopped, StateLost)  # with which the plant ends
+_ENDS = (RunFinished, RunStopped, StateLost, PlantLost)  # with which the plant ends
 
 
 def missing_part(bag: BagReader, trial: Trial, first: int, last: int, missing_ticks: int) -> str:

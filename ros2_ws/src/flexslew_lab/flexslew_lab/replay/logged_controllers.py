@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, TypeVar
+from types import MappingProxyType
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from flexslew_control.controllers import (
     COMPUTED_KEYS,
@@ -10,7 +11,7 @@ from flexslew_control.controllers import (
     OUTPUT_FEEDBACK,
     build_controller,
 )
-from flexslew_control.controllers.controller import Controller
+from flexslew_control.controllers.controller import Answer, Controller
 from flexslew_control.controllers.host import merged
 from flexslew_control.message_fields import in_flight, received_plan
 from flexslew_control.plan import Plan
@@ -23,10 +24,18 @@ from flexslew_lab.trial.trial import Trial, law_of, plant_of, trial_of_values
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import ControllerTuned, EstimateStarted
 from flexslew_plant.graph.topics import PLAN, TOPICS
-from flexslew_plant.own_code import Trust
+from flexslew_plant.measurement import Measurement
+from flexslew_plant.own_code import Trust, Untrusted, allow_words, file_of
 
 Key = tuple[int, int]  # epoch and tick
 _Kind = TypeVar("_Kind", ControllerTuned, EstimateStarted)
+
+
+class ReplayedController(Protocol):
+    """What answers the question of a tick."""
+
+    def observe(self, measurement: Measurement) -> Answer | None:
+        """Return the answer if the measurement names it."""
 
 
 class PlanMessage(NamedTuple):
@@ -79,6 +88,7 @@ class LoggedControllers:
         replacements: laws and settings by name that replace those of the log.
         trial: trial that replaces the log's.
         trust: laws that may be loaded; None: those that the log may load.
+        programs: that stand in for controllers of the log, by name; see replay.program.
 
     Raises:
         BadInput: if the log lacks data for it, or a law cannot be built.
@@ -91,6 +101,7 @@ class LoggedControllers:
         replacements: Mapping[str, tuple[str, dict[str, Any]]] | None = None,
         trial: Trial | None = None,
         trust: Trust | None = None,
+        programs: Mapping[str, ReplayedController] = MappingProxyType({}),
     ) -> None:
         overview = bag.overview
         testbed = overview.testbed
@@ -99,9 +110,11 @@ class LoggedControllers:
         laws = logged_laws(bag) | dict(replacements or {})
         self._source = str(bag.path)
         self._plant = replace(plant_of(trial or trial_of(bag)), trust=trust or bag.trust)
-        self._laws = laws if only is None else {only: laws[only]}
-        self.by_name = {name: self._built(name) for name in self._laws}
-        self._pending = [a for a in plan_changes(bag) if a.controller in self.by_name]
+        names = laws if only is None else [only]
+        self._laws = {name: laws[name] for name in names if name not in programs}
+        self._built = {name: self._build(name) for name in self._laws}
+        self._programs = dict(programs)
+        self._pending = [a for a in plan_changes(bag) if a.controller in self._laws]
         self._first = dict(self._laws)  # before anybody tuned them
         self._estimator_starts = [
             (k, what)
@@ -120,9 +133,14 @@ class LoggedControllers:
             and self._laws[name][0] == recorded_laws[name][0]
         ]
 
-    def previous_instances(self, key: Key) -> list[Controller]:
+    @property
+    def by_name(self) -> dict[str, ReplayedController]:
+        """The controllers and programs by the names of the log."""
+        return {**self._built, **self._programs}
+
+    def previous_instances(self, key: Key) -> list[ReplayedController]:
         """Return those that answered this question and were started again before it was over."""
-        return [self.by_name[name] for at, name in self._duplicate_responses if at == key]
+        return [self._built[name] for at, name in self._duplicate_responses if at == key]
 
     def until(self, key: Key) -> int:
         """Give the controllers the plans and settings that they had at the question `key`.
@@ -134,7 +152,7 @@ class LoggedControllers:
             self._restart(*self._estimator_starts.pop(0))
         while self._pending and self._pending[0].first <= key:
             change = self._pending.pop(0)
-            controller = self.by_name[change.controller]
+            controller = self._built[change.controller]
             controller.begin_epoch(change.first[0])
             controller.adopt(*change.told[-1])
         change_count = 0
@@ -143,9 +161,9 @@ class LoggedControllers:
             name = what.controller
             law, values = self._laws[name]
             self._laws[name] = law, merged(values, what.settings)
-            replacement = self._built(name)
-            replacement.take_over(self.by_name[name])
-            self.by_name[name] = replacement
+            replacement = self._build(name)
+            replacement.take_over(self._built[name])
+            self._built[name] = replacement
             change_count += 1
         return change_count
 
@@ -156,22 +174,33 @@ class LoggedControllers:
             its = [a for a in self._pending if a.controller == name and a.first == key]
             self._pending = [a for a in self._pending if a not in its]
             self._laws[name] = self._first[name]
-            self.by_name[name] = self._built(name)
+            self._built[name] = self._build(name)
             for one in its[-1].told if its else ():
-                self.by_name[name].adopt(*one)
-        self.by_name[name].restart(key[0])
+                self._built[name].adopt(*one)
+        self._built[name].restart(key[0])
 
-    def _built(self, name: str) -> Controller:
+    def _build(self, name: str) -> Controller:
         law, values = self._laws[name]
         # wall time decides nothing here
         settings = {k: v for k, v in values.items() if law in CONTROLLERS or k != "time_limit"}
-        return build_controller(
-            name,
-            law,
-            settings,
-            self._plant,
-            f"{self._source}: controllers.{name}",
-        )
+        try:
+            return build_controller(
+                name, law, settings, self._plant, f"{self._source}: controllers.{name}"
+            )
+        except BadInput as error:
+            if not is_program(law):
+                raise
+            remedy = "give a controller that was a program of its own by --with COMMAND"
+            if not isinstance(error, Untrusted):
+                raise BadInput(f"{error}; {remedy}") from None
+            place = f"{self._source}: controllers.{name}"
+            words = f"{place}: refused to run {law}, which is not found here; {remedy}"
+            raise Untrusted(f"{words}, and {allow_words(law)} if it is a class", law) from None
+
+
+def is_program(law: str) -> bool:
+    """Return whether a controller of a log was a program of its own: its law is no code here."""
+    return law not in CONTROLLERS and ".py:" not in law and file_of(law) is None
 
 
 def _messages_by_tick(bag: BagReader, kind: type[_Kind]) -> list[tuple[Key, _Kind]]:

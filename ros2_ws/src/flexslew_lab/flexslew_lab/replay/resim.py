@@ -1,6 +1,7 @@
 """The run again from nothing but its log: trial, logged plan, operator's requests, missed ticks."""
 
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,10 +14,20 @@ from flexslew_lab.metrics.trajectory import TrajectoryHash
 from flexslew_lab.replay.coverage import missing_part
 from flexslew_lab.replay.logged_code import changed_code, reading
 from flexslew_lab.replay.logged_controllers import trial_of
+from flexslew_lab.replay.program import (
+    ProgramController,
+    StartProgram,
+    program_controller,
+    replaced_controller,
+)
 from flexslew_lab.replay.resimulator import Resimulator
+from flexslew_lab.trial.trial import Trial, bench_settings
 from flexslew_plant.arrays import Matrix
+from flexslew_plant.bench.bench import Bench
+from flexslew_plant.bench.message_fields import testbed_fields
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust
+from flexslew_plant.testbeds.contract import has_own_clock
 
 # Another processor or another build rounds differently. Of the largest magnitude of a field.
 TOLERANCE = 1e-9
@@ -58,6 +69,8 @@ def resim(
     progress: Callable[[int, int], None] = lambda tick, last: None,
     changes: Mapping[str, Any] | None = None,
     trust: Trust = NO_CODE,
+    program: StartProgram | None = None,
+    controller: str = "",
 ) -> Resimulation:
     """Return the comparison of a log with its run flown again, in process.
 
@@ -68,22 +81,37 @@ def resim(
         progress: called with the tick and the last tick of the trial.
         changes: of the trial, by path: what would have been otherwise?
         trust: which classes the log may run.
+        program: starts a program that flies in place of a controller of the log.
+        controller: name of that one; empty: see program.replaced_controller.
 
     Raises:
         Untrusted: the log names code that is not trusted.
         BadInput: the log does not hold what determines the run.
+        FlexslewError: the program has ended, or gives no answer that a bench accepts.
         RunFault: the state becomes non-finite.
     """
     reader = BagReader(bag, trust=trust)
-    with reading(reader):
-        return _simulate_and_compare(reader, progress, changes or {})
+    with reading(reader), ExitStack() as stack:
+        trial = trial_of(reader, changes or {})
+        if has_own_clock(trial.testbed):
+            words = "its plant has a clock of its own, and a rig moves only for a trial"
+            raise BadInput(f"{words}; `play` and `check` read its log", bag)
+        bench, programs = Bench(bench_settings(trial)), dict[str, ProgramController]()
+        stack.callback(bench.close)
+        if program is not None:
+            name = replaced_controller(reader, controller)
+            fields = testbed_fields(bench, {"bench": bench.settings})
+            programs[name] = stack.enter_context(program_controller(reader, name, program, fields))
+        simulator = Resimulator(reader, trial, bench, programs)
+        return _simulate_and_compare(reader, trial, simulator, progress)
 
 
 def _simulate_and_compare(
-    reader: BagReader, progress: Callable[[int, int], None], changes: Mapping[str, Any]
+    reader: BagReader,
+    trial: Trial,
+    simulator: Resimulator,
+    progress: Callable[[int, int], None],
 ) -> Resimulation:
-    trial = trial_of(reader, changes)
-    simulator = Resimulator(reader, trial)
     same = _Comparison()
     recorded, computed, epoch = TrajectoryHash(), TrajectoryHash(), 0
     for block in reader.blocks(["/truth"]):

@@ -1,11 +1,19 @@
 """A logged run once more: bench and controllers, steered by the events of the log."""
 
 from collections import defaultdict
+from collections.abc import Mapping
 from typing import Any
 
+from flexslew_control.controllers.controller import Answer
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.replay.logged_controllers import Key, LoggedControllers, trial_of
-from flexslew_lab.trial.trial import Trial, bench_settings, law_of
+from flexslew_lab.replay.logged_controllers import (
+    Key,
+    LoggedControllers,
+    ReplayedController,
+    trial_of,
+)
+from flexslew_lab.run.tick import ask_controllers
+from flexslew_lab.trial.trial import Trial, law_of
 from flexslew_plant.bench.bench import Bench, SwitchRequest
 from flexslew_plant.errors import BadInput, RunFault
 from flexslew_plant.events import (
@@ -23,6 +31,7 @@ from flexslew_plant.events import (
     TargetRequested,
     kind_of,
 )
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.refusal import Cause, Refusal
 
 _LATEST = 1 << 40  # tick of a run without an end
@@ -42,17 +51,22 @@ class Resimulator:
     Args:
         bag: to read.
         trial: trial of the bag, with changes.
+        bench: bench of this trial.
+        programs: that stand in for controllers of the log, by name.
     """
 
-    def __init__(self, bag: BagReader, trial: Trial) -> None:
-        recorded = trial_of(bag)
-        self.bench = Bench(bench_settings(trial))
+    def __init__(
+        self, bag: BagReader, trial: Trial, bench: Bench, programs: Mapping[str, ReplayedController]
+    ) -> None:
+        recorded, self.bench = trial_of(bag), bench
         other = {
             name: law_of(name, values or {})
             for name, values in trial.controllers.items()
             if values != recorded.controllers.get(name)
         }
-        self._controllers = LoggedControllers(bag, replacements=other, trial=trial)
+        self._controllers = LoggedControllers(
+            bag, replacements=other, trial=trial, programs=programs
+        )
         self._requests: dict[Key, list[Fact]] = defaultdict(list)
         self._late_requests: dict[Key, list[Fact]] = defaultdict(list)  # a step was refused
         self._missing_responses: set[Key] = set()
@@ -126,18 +140,21 @@ class Resimulator:
         self._begin(key)
         missing = key in self._missing_responses
         self.replayed[kind_of(AnswerMissing)] += missing
+        was_refused = key in self._rejected  # the step of an answer, which did arrive
+
+        def offer(answer: Answer | None, asked: Measurement) -> None:
+            if answer is not None and (not missing or (was_refused and asked is question)):
+                bench.offer(answer.command)
+
+        for answer in previous:
+            offer(answer, question)
         # all controllers that received it, even if no answer arrived
-        alive = [controller.observe(question) for controller in self._controllers.by_name.values()]
-        for answer in (*previous, *alive):
-            if answer is not None and (not missing or key in self._rejected):
-                bench.offer(answer.command)
-        if bench.question is not question:  # the newcomer's step was refused
-            previous_controller = self._controllers.by_name.get(
-                bench.question.controller
-            )  # or the brake
-            answer = previous_controller.observe(bench.question) if previous_controller else None
-            if answer is not None and not missing:
-                bench.offer(answer.command)
+        ask_controllers(
+            bench,
+            question,
+            self._controllers.by_name,
+            lambda controller, asked: offer(controller.observe(asked), asked),
+        )
         for request in self._late_requests.pop(key, ()):
             self._apply_request(request)
         not_ready = self._not_ready(key)

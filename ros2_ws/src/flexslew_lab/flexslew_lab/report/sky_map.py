@@ -12,8 +12,8 @@ import numpy as np
 from flexslew_lab.report.panels import FAULT, GRID, LINE, style
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds import Testbed
-from flexslew_plant.testbeds.attitude import to_inertial
 from flexslew_plant.testbeds.contract import Cone, HasSky, Sky
+from flexslew_plant.testbeds.orientation.attitude import to_inertial
 
 _HALF_WIDTH, _HALF_HEIGHT = 2.0 * np.sqrt(2.0), np.sqrt(2.0)  # half axes of the projected sphere
 _SCALE, _EDGE = 120.0, 12.0  # per unit, and around it

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexslew_control.plan import Plan
 from flexslew_lab.metrics.goal import goal_error_message, with_unit
-from flexslew_lab.metrics.keep_out import cone_violations
+from flexslew_lab.metrics.platform.keep_out import cone_violations
 from flexslew_plant.counted import count_text
 
 _SAME = 1.05  # ratios of the vibration below this are called equal

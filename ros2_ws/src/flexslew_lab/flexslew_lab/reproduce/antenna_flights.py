@@ -13,9 +13,14 @@ from flexslew_control.controllers.retargeting.disturbance_accommodating import (
     integral_gains,
 )
 from flexslew_control.controllers.retargeting.modal_space import modal_gains
-from flexslew_control.perturbation import ModalGains, Regulator, backward
-from flexslew_control.perturbation import regulator as zero_order
-from flexslew_control.small_motion import Frozen, SmallMotion, last_rotation_end, small_motion
+from flexslew_control.linear.perturbation import ModalGains, Regulator, backward
+from flexslew_control.linear.perturbation import regulator as zero_order
+from flexslew_control.linear.small_motion import (
+    Frozen,
+    SmallMotion,
+    last_rotation_end,
+    small_motion,
+)
 from flexslew_lab.reproduce import planar_antenna
 from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_plant.arrays import Matrix, Vector

@@ -12,7 +12,7 @@ from flexslew_control.planners.feedforward.optimized_feedforward import (
     OptimizedFeedforward,
     find_feedforward,
 )
-from flexslew_control.planners.feedforward.shooting import roll_out
+from flexslew_control.planners.feedforward.shooting import joint_loop, roll_out, stage_record
 from flexslew_control.planners.progress import ignore
 from flexslew_control.planners.trajectories import rest_to_rest
 from flexslew_plant.arrays import Matrix, Vector
@@ -57,22 +57,10 @@ def csa_slew(
 def step_response() -> tuple[Vector, Matrix]:
     """Return times and states after a step of STEP_ANGLE in both references at psi = 0."""
     model = csa_model()
-    n, m = model.coordinates, model.joints
-    edges = np.linspace(0.0, 130.0, 6501)
-    stages = STAGES * (len(edges) - 1)
-    goal = np.tile(GAINS[0] * STEP_ANGLE, (stages, 1))
-    path = roll_out(
-        model.kernels,
-        model.packed,
-        np.zeros(2 * n),
-        edges,
-        goal,
-        *GAINS,
-        ((0,) * n, (0,) * m),
-        np.empty((stages, 2 * n)),
-        np.empty((stages, n)),
-    )
-    return edges, path
+    n, edges = model.coordinates, np.linspace(0.0, 130.0, 6501)
+    goal = np.tile(GAINS[0] * STEP_ANGLE, (STAGES * (len(edges) - 1), 1))
+    loop, record = joint_loop(model, *GAINS), stage_record(goal, n)
+    return edges, roll_out(loop, np.zeros(2 * n), edges, record)
 
 
 @lru_cache

@@ -12,7 +12,7 @@ from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_lab.reproduce.rows import Row, absolute, at_most, relative
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds.oscillators.floating_oscillator import FloatingOscillatorTestbed
 
 _NONE, _PD = ((0.0,), (0.0,)), ((0.5,), (1.0,))  # kp and kd [N/m, N s/m]
 _LEFT = (  # duration [s], feedback, exact at nominal, worst tip [m]

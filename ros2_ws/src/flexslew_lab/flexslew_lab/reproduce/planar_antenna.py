@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.small_motion import Frozen
+from flexslew_control.linear.small_motion import Frozen
 from flexslew_plant.arrays import Matrix
 
 

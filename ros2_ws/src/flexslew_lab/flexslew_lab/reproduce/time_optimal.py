@@ -21,13 +21,13 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.csa import CsaTestbed
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 from flexslew_plant.testbeds.hub_with_appendages import (
     FOOT_POUND,
     HubParameters,
     HubTestbed,
     energy_coefficients,
 )
+from flexslew_plant.testbeds.oscillators.floating_oscillator import FloatingOscillatorTestbed
 
 _SLEWS: dict[str, tuple[Testbed, float, float, bool, str, tuple[float, ...]]] = {
     "oscillator, time-optimal": (

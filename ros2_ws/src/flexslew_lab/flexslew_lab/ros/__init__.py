@@ -1,4 +1,5 @@
 """The nodes of the lab. ROS is imported here.
 
-Offers: conformance, console_node, live_node, operator, play_node.
+Offers: console_node, live_node, lock_step.conformance, lock_step.linked_program, operator,
+play_node.
 """

@@ -9,10 +9,10 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from flexslew_lab.console.live_gate import LiveGate
-from flexslew_lab.ros.live_channels import LiveChannels
-from flexslew_lab.ros.live_listener import LiveListener
-from flexslew_lab.ros.live_parameters import LiveParameters
-from flexslew_lab.ros.live_services import LiveServices
+from flexslew_lab.ros.live.channels import LiveChannels
+from flexslew_lab.ros.live.listener import LiveListener
+from flexslew_lab.ros.live.parameters import LiveParameters
+from flexslew_lab.ros.live.services import LiveServices
 from flexslew_plant.errors import BadInput
 from flexslew_plant.extras import install_command
 from flexslew_plant.ros.loop import Loop

@@ -11,10 +11,10 @@ from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.recording.recording import Recording
 from flexslew_lab.log.recording.recording_order import RecordingOrder
 from flexslew_lab.log.recording.unfinished import open_bag
-from flexslew_lab.ros.intake import MEASUREMENT_TOPIC, MessageSource
-from flexslew_lab.ros.namesakes import StatusFilter
 from flexslew_lab.ros.rebroadcast import Rebroadcast
-from flexslew_lab.ros.recorder_settings import RecorderSettings
+from flexslew_lab.ros.recorder.intake import MEASUREMENT_TOPIC, MessageSource
+from flexslew_lab.ros.recorder.namesakes import StatusFilter
+from flexslew_lab.ros.recorder.recorder_settings import RecorderSettings
 from flexslew_plant.events import (
     Fact,
     RecordingEnded,

@@ -5,6 +5,7 @@ from time import monotonic
 from typing import Protocol
 
 from flexslew_control.controllers.controller import Answer, Controller
+from flexslew_lab.run.tick import ask_controllers
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.events import Event, Started
 from flexslew_plant.measurement import Measurement
@@ -44,13 +45,26 @@ def run_bench(
         observer: gets what the topics would carry.
         progress: called with the tick, once every 1000.
     """
-    started = monotonic()
+    started, exchange = monotonic(), _exchange(bench, observer)
+    publish = None if observer is None else observer.question
     bench.tell(Started())
-    while not bench.done:
-        _tick(bench, controllers, observer)
-        if progress is not None and bench.tick % 1000 == 0:
-            progress(bench.tick)
-    bench.finish(monotonic() - started)
+    try:
+        while not bench.done:
+            question = bench.question
+            if observer is not None:
+                observer.question(question)
+                observer.truth(bench.truth())
+                for event in _take_events(bench):
+                    observer.event(event)
+            ask_controllers(bench, question, controllers, exchange, publish)
+            bench.advance()
+            if progress is not None and bench.tick % 1000 == 0:
+                progress(bench.tick)
+        bench.finish(monotonic() - started)
+    finally:
+        bench.close()  # a plant with a brake is braked however the run ends
+        for controller in controllers.values():
+            controller.close()
     if observer is not None:
         if not bench.failure:  # else the truth of this tick was seen before it failed
             observer.truth(bench.truth())
@@ -58,39 +72,22 @@ def run_bench(
             observer.event(event)
 
 
-def _tick(bench: Bench, controllers: dict[str, Controller], observer: Observer | None) -> None:
-    question = bench.question
-    if observer is not None:
-        observer.question(question)
-        observer.truth(bench.truth())
-        for event in _take_events(bench):
-            observer.event(event)
-    for controller in controllers.values():
-        _answer(bench, controller, question, observer)
+def _exchange(bench: Bench, observer: Observer | None) -> Callable[[Controller, Measurement], None]:
+    """Return what takes a question to a controller, and its answer to the bench."""
+
+    def exchange(controller: Controller, question: Measurement) -> None:
+        answer = controller.observe(question)
+        if answer is not None:
+            bench.offer(answer.command)
+            if observer is not None:
+                observer.answer(answer)
         bench.set_ready_status(controller.name, controller.reason)
         while controller.events:
             event = controller.events.popleft()
             if observer is not None:
                 observer.event(event)
-    if not bench.answered and bench.question is not question:
-        # the drive refused the newcomer's step and returns the question to its predecessor
-        if observer is not None:
-            observer.question(bench.question)
-        previous = controllers.get(bench.question.controller)
-        if previous is not None:  # else it was the brake
-            _answer(bench, previous, bench.question, observer)
-    bench.advance()
 
-
-def _answer(
-    bench: Bench, controller: Controller, question: Measurement, observer: Observer | None
-) -> None:
-    answer = controller.observe(question)
-    if answer is None:
-        return
-    bench.offer(answer.command)
-    if observer is not None:
-        observer.answer(answer)
+    return exchange
 
 
 def _take_events(bench: Bench) -> Iterator[Event]:

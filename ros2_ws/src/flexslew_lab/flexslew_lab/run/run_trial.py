@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import LawFailed
 from flexslew_control.plan import Plan
-from flexslew_control.plan_file import save_plan
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_control.planners.reference import ReferenceOnly
 from flexslew_control.planners.slew import software_versions
+from flexslew_control.plans.plan_file import save_plan
 from flexslew_lab.json_text import json_text
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.files.read_limits import MIB, most
@@ -20,9 +20,9 @@ from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
 from flexslew_lab.metrics.from_bag import metrics_from
 from flexslew_lab.metrics.goal import goal_error_message
-from flexslew_lab.metrics.keep_out import cone_violations
 from flexslew_lab.metrics.operator_changes import changes_of
 from flexslew_lab.metrics.own import load_user_metrics
+from flexslew_lab.metrics.platform.keep_out import cone_violations
 from flexslew_lab.progress import phase
 from flexslew_lab.report.handover_lines import handover_lines
 from flexslew_lab.report.report import write_report
@@ -33,7 +33,7 @@ from flexslew_lab.run.prediction_gap import prediction_gap
 from flexslew_lab.trial.angles import doubtful_angles
 from flexslew_lab.trial.assumed_rest import assumed_rest
 from flexslew_lab.trial.outputs import WITHOUT, new_folder
-from flexslew_lab.trial.own_code import HASH_KEY, user_code_hash
+from flexslew_lab.trial.own_code import HASH_KEY, user_file_hashes
 from flexslew_lab.trial.trial import Trial, plan_of_trial, set_plan, set_up, trial_text
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput, PlanFailed
@@ -71,16 +71,26 @@ class PreparedTrial(NamedTuple):
     plan: Plan | None
 
 
+class RunFeedback(NamedTuple):
+    """What a run reports to its caller while it is prepared and flown."""
+
+    progress: Progress = lambda tick, last: None  # receives the tick and the last tick
+    notify: Callable[[str], None] = lambda words: None  # receives a line for the user
+    # receives a line on a request that the run will not show; None: it goes to `notify`
+    warn: Callable[[str], None] | None = None
+
+
+SILENT = RunFeedback()
+
+
 def run_trial(
     requested: Trial | PreparedTrial,
     source: str,
     out: Path | None = None,
     in_process: bool | Fly = False,
     report: bool = True,
-    progress: Progress = lambda tick, last: None,
-    notify: Callable[[str], None] = lambda words: None,
+    feedback: RunFeedback = SILENT,
     autostart: bool = True,
-    warn: Callable[[str], None] | None = None,
 ) -> Result:
     """Fly the trial, write its folder and return what came out.
 
@@ -90,15 +100,14 @@ def run_trial(
         out: folder of the run; None: a new one below runs/.
         in_process: without ROS; a function flies it there in its own way.
         report: write report.html too.
-        progress: called with the tick and the last tick.
-        notify: called with a line for the user.
+        feedback: receives progress and messages.
         autostart: over ROS, fly as soon as all nodes are there; else when an operator starts it.
-        warn: called with a line on a request that the run will not show; None: it goes to `notify`.
 
     Raises:
         BadInput, PlanFailed: before anything was written.
     """
-    warned = warn or (lambda words: notify(f"warning: {words}"))
+    progress, notify = feedback.progress, feedback.notify
+    warned = feedback.warn or (lambda words: notify(f"warning: {words}"))
     trial = requested if isinstance(requested, Trial) else requested.trial
     folder = new_folder(trial.name, out)
     if not in_process:
@@ -121,13 +130,14 @@ def run_trial(
     metadata = {
         "trial_file": source,
         "versions": json.dumps(software_versions()),
-        HASH_KEY: json.dumps(user_code_hash(trial)),
+        HASH_KEY: json.dumps(user_file_hashes(trial)),
     }
     bag = folder / "bag"
     if in_process:
         fly = _from_start_to_end if in_process is True else in_process
         outcome = _in_process(prepared, bag, metadata, progress, fly=fly)
     else:
+        prepared.bench.close()  # a serial port is for the plant node alone
         outcome = _over_ros(trial, prepared.plan, folder, metadata, progress, notify, autostart)
     result, reader = _finished(folder, bag, outcome, trial.trust)
     errors = tuple(c.error for c in prepared.controllers.values() if c.error is not None)
@@ -144,7 +154,7 @@ def run_trial(
         result = result._replace(exit_code=CHECK_FAILED, message=words)
     if report and reader is not None and result.metrics and outcome.exit_code != 130:
         try:
-            bare = None if result.changes else _without_feedforward(trial, source, folder)
+            bare = None if result.changes else _without_feedforward(prepared, source, folder)
             with phase("writing the report"):
                 write_report([reader], folder / "report.html", bare)
         except (RecordingStopped, OSError) as error:
@@ -260,11 +270,12 @@ def _in_process(
     return Outcome(3 if bench.faulted else 0, words)
 
 
-def _without_feedforward(trial: Trial, source: str, folder: Path) -> BagReader | None:
+def _without_feedforward(flown: PreparedTrial, source: str, folder: Path) -> BagReader | None:
     """Fly the same reference without feedforward, in process; return its bag, if any."""
+    trial = flown.trial
     plan = trial.plan
-    if not isinstance(plan, OptimizedFeedforward):
-        return None
+    if not isinstance(plan, OptimizedFeedforward) or flown.bench.own_clock:
+        return None  # a rig moves once, as was requested
     keys = ("model", "initial", "goal", "start", "duration", "reference", "feedback")
     bare = ReferenceOnly(**{key: getattr(plan, key) for key in keys})
     bag = folder / WITHOUT

@@ -116,7 +116,7 @@ def typical_case(study: Study, samples: pa.Table, variant: int) -> Case:
 
 def changes_of(study: Study, case: Case) -> dict[str, Any]:
     """Return what the sample changes of the trial, by key."""
-    places = _nominal(study, case.variant).places
+    places = nominal_of(study, case.variant).places
     return {
         place.key: place.varied.value(place.nominal, case.sampled_values[place.draw])
         for place in places
@@ -138,7 +138,7 @@ def require_variant(study: Study, variant: StudyVariant) -> None:
         require_law(law, f"{study.source}: controllers.{name}", study.trust)
 
 
-def _nominal(study: Study, variant: int) -> Nominal:
+def nominal_of(study: Study, variant: int) -> Nominal:
     """Return the trial of a variant without a sample, which is made once.
 
     Raises:
@@ -186,7 +186,7 @@ def case_trial(study: Study, case: Case) -> Trial:
         BadInput: the sample's values are not allowed together.
     """
     source = f"{study.source}: trial {case.number}"
-    nominal = _nominal(study, case.variant)
+    nominal = nominal_of(study, case.variant)
     changes, changed = changes_of(study, case), dict(nominal.touched)
     for place in nominal.places:
         put(changed, place.way, changes[place.key])

@@ -4,11 +4,11 @@ from typing import Any
 
 from flexslew_control.planners.excitation.excitation import EXCITATION
 from flexslew_lab.identification.identification import band_of
-from flexslew_lab.identification.measurements import Listener
+from flexslew_lab.identification.modal.modes import identify_modes
 from flexslew_lab.identification.model_file import testbed_of
-from flexslew_lab.identification.modes import identify_modes
 from flexslew_lab.identification.physical_fit import fit_parameters
-from flexslew_lab.identification.record import Record
+from flexslew_lab.identification.records.measurements import Listener
+from flexslew_lab.identification.records.record import Record
 from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.trial.trial import Trial, plan_of_trial, set_plan, set_up
 from flexslew_plant.errors import BadInput

@@ -7,7 +7,7 @@ from typing import Any
 
 from flexslew_control.plan import Plan
 from flexslew_lab.progress import phase
-from flexslew_lab.run.run_trial import Result, prepare_trial, run_trial
+from flexslew_lab.run.run_trial import Result, RunFeedback, prepare_trial, run_trial
 from flexslew_lab.studies.batch.tolerance import TOLERANCE, relative_difference
 from flexslew_lab.studies.cases import case_of, case_trial
 from flexslew_lab.studies.disk import checked_folder
@@ -60,7 +60,9 @@ def repeat_trial(
     trial = case_trial(study, case_of(study, samples, number))
     source = f"{study.source}: trial {number}"
     requested = prepare_trial(trial, source, plan_of) if plan_of else trial
-    result = run_trial(requested, source, out, in_process=True, report=False, notify=notify)
+    result = run_trial(
+        requested, source, out, in_process=True, report=False, feedback=RunFeedback(notify=notify)
+    )
     if store is None or not store.table_path.is_file():
         return result, ""
     return result, _difference(store, number, result.metrics)

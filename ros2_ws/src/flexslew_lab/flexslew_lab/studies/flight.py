@@ -2,9 +2,10 @@
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, NamedTuple
 
+from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.one_axis import RELEVANT
 from flexslew_lab.metrics import Key, Metric
@@ -12,13 +13,14 @@ from flexslew_lab.metrics.own import keys_of, load_user_metrics
 from flexslew_lab.metrics.rows import AXES, NO_KEYS, flat, key_of
 from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.run.metrics_observer import MetricsObserver
-from flexslew_lab.studies.cases import Case, case_trial
+from flexslew_lab.studies.cases import Case, case_trial, nominal_of
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import (
     Trial,
     feedback_of,
     law_in_charge,
+    law_of,
     plan_of_trial,
     set_plan,
     set_up,
@@ -134,7 +136,9 @@ def has_every_key(model_section: Any, testbed: Any) -> bool:
 def simulate_case(study: Study, case: Case, plan_cache: PlanCache) -> FlightResult:
     """Return the result of a trial; a failure of any kind is a result, too."""
     try:
-        metrics, digest, reason = _simulate(case_trial(study, case), study.source, plan_cache)
+        trial = case_trial(study, case)
+        design = _design_trial(study, case, trial)
+        metrics, digest, reason = _simulate(trial, design, study.source, plan_cache)
     except FlexslewError as error:
         return failed(case.number, str(error))
     except Exception as error:  # a class of the user's own may do anything
@@ -149,10 +153,22 @@ def failed(number: int, reason: str) -> FlightResult:
     return FlightResult(number, {}, None, "failed", reason, Way.BENCH)
 
 
+def _design_trial(study: Study, case: Case, trial: Trial) -> Trial:
+    """Return the trial that the controllers are built for.
+
+    Built-in laws have the model that they are designed for written out. A class of the user's own
+    receives the sampled bench, or the nominal one where the study conceals it.
+    """
+    laws = {law_of(name, values or {})[0] for name, values in trial.controllers.items()}
+    if not study.conceals_bench or laws <= CONTROLLERS.keys():
+        return trial
+    return replace(trial, testbed=nominal_of(study, case.variant).trial.testbed)
+
+
 def _simulate(
-    trial: Trial, source: str, plan_cache: PlanCache
+    trial: Trial, design: Trial, source: str, plan_cache: PlanCache
 ) -> tuple[dict[str, float | None], str | None, str]:
-    bench, controllers = set_up(trial, source)
+    bench, controllers = set_up(design, source, trial.testbed)
     plan = plan_cache.of(trial)
     if (reason := set_plan(controllers, trial.active, plan)) is not None:
         return {}, None, str(reason)

@@ -1,7 +1,6 @@
 """What a study is of, in plain data: two runs with the same identity may share one table."""
 
 import hashlib
-from collections.abc import Iterator
 from contextlib import suppress
 from importlib import metadata, resources
 from pathlib import Path
@@ -10,13 +9,14 @@ from typing import Any
 import pyarrow as pa
 
 from flexslew_control.plan import Plan
-from flexslew_control.plan_file import plan_hash
 from flexslew_control.planners.slew import software_versions
+from flexslew_control.plans.plan_file import plan_hash
 from flexslew_lab.metrics import Key
 from flexslew_lab.metrics.own import keys_of, load_user_metrics
 from flexslew_lab.studies.flight import PlanCache
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.study_settings import EXPERIMENT, MANOEUVRE
+from flexslew_lab.trial.own_code import texts_in
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import file_of
 from flexslew_plant.settings import plain
@@ -51,7 +51,7 @@ def identity_of(
         "study": {key: value for key, value in settings.items() if key not in _FREE},
         "trial": study.base,
         "files": _files(study),
-        "versions": _versions(study),
+        "versions": study_versions(study),
         "plans": [
             plan_hash(p) if isinstance(p, Plan) else str(p) for p in plan_cache.made.values()
         ],
@@ -148,7 +148,7 @@ def _files(study: Study) -> dict[str, str]:
     of_study = plain(study.settings)
     given = study.base, *(of_study[key] for key in _FILE_KEYS)
     digests = {}
-    for name in sorted(set(_iterate_strings(given))):
+    for name in sorted(set(texts_in(given))):
         with suppress(OSError, ValueError):  # of a text that could be no file's name
             if (path := file_of(name) or Path(name)).is_file():
                 digests[name] = _digest([file for file in files_of(path) if file.is_file()])
@@ -157,19 +157,8 @@ def _files(study: Study) -> dict[str, str]:
     return digests
 
 
-def _iterate_strings(values: Any) -> Iterator[str]:
-    """Yield every text in plain data."""
-    if isinstance(values, str):
-        yield values
-    elif isinstance(values, dict):
-        for value in values.values():
-            yield from _iterate_strings(value)
-    elif isinstance(values, list | tuple):
-        for value in values:
-            yield from _iterate_strings(value)
-
-
-def _versions(study: Study) -> dict[str, str]:
+def study_versions(study: Study) -> dict[str, str]:
+    """Return the versions of the libraries and the digests of the source that decide a trial."""
     found = software_versions() | {name: metadata.version(name) for name in _LIBRARIES}
     has_test = any(variant.replan in (EXPERIMENT, MANOEUVRE) for variant in study.variants)
     for folder in (*_CODE, *([_IDENTIFICATION] if has_test else [])):

@@ -116,6 +116,7 @@ def checked(study: Study, samples: pa.Table) -> tuple[list[str], list[Trial]]:
         bench, _ = set_up(typical, study.source)
         user_metrics = load_user_metrics(typical.metrics, f"{study.source}: metrics", typical.trust)
         columns |= dict.fromkeys(metric_columns(bench, user_metrics))
+        bench.close()
         trials.append(typical)
     for sampled in study.varied:
         if sampled.name in columns:

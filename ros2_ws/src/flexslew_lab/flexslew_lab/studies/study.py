@@ -60,6 +60,7 @@ class Study(NamedTuple):
     list_columns: tuple[NDArray[np.float64], ...]  # columns of a list, by varied value
     nominal: dict[int, Nominal]  # trials by variant, without a sample; filled on first use
     trust: Trust = NO_CODE  # which classes of the user's own its trials may name
+    conceals_bench: bool = False  # from classes of the user's own, which receive the nominal one
 
 
 def study_path(name: str) -> Path:
@@ -140,7 +141,7 @@ def study_of_values(
     else:
         trial_source = trial.name
     base = plain(trial)
-    sampled, list_columns = sampled_parameters(settings, base, folder, source)
+    sampled, list_columns = sampled_parameters(settings, trial, base, folder, source)
     check_sampling(settings.sampling, len(sampled), f"{source}: sampling")
     require_distinct(sampled, f"{source}: vary")
     variants = tuple(

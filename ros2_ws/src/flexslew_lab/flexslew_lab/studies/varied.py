@@ -8,10 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexslew_lab.studies.quantities import with_numbers
 from flexslew_lab.studies.sampling.distributions import Distribution, distribution_of
 from flexslew_lab.studies.sampling.methods import list_of
 from flexslew_lab.studies.study_settings import StudySettings
 from flexslew_lab.trial.overrides import value_at
+from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
 
 PER_TRIAL_KEYS = ("name", "seed", "rate_factor")  # keys of which every trial of a study has its own
@@ -37,13 +39,14 @@ class SampledParameter(NamedTuple):
 
 
 def sampled_parameters(
-    settings: StudySettings, base: dict[str, Any], folder: Path, source: str
+    settings: StudySettings, trial: Trial, base: dict[str, Any], folder: Path, source: str
 ) -> tuple[tuple[SampledParameter, ...], tuple[NDArray[np.float64], ...]]:
     """Return what varies, and of a list the columns of its file.
 
     Args:
         settings: of the study.
-        base: the trial as plain data.
+        trial: the trial.
+        base: the same as plain data.
         folder: from which the list's file is seen.
         source: the study's file, for messages.
 
@@ -61,7 +64,7 @@ def sampled_parameters(
         return sampled, columns
     if not settings.vary:
         raise BadInput("vary: is missing; name at least one value of the trial", source)
-    return tuple(_one(name, v, base, source) for name, v in settings.vary.items()), ()
+    return tuple(_one(name, v, trial, base, source) for name, v in settings.vary.items()), ()
 
 
 def require_distinct(sampled: Iterable[SampledParameter], place: str) -> None:
@@ -83,7 +86,9 @@ def overlap(one: str, other: str) -> bool:
     return one == other or one.startswith(f"{other}.") or other.startswith(f"{one}.")
 
 
-def _one(name: str, values: dict[str, Any], base: dict[str, Any], source: str) -> SampledParameter:
+def _one(
+    name: str, values: dict[str, Any], trial: Trial, base: dict[str, Any], source: str
+) -> SampledParameter:
     place = f"{source}: vary.{name}"
     settings = dict(values)
     keys = settings.pop("keys", [name])
@@ -94,16 +99,18 @@ def _one(name: str, values: dict[str, Any], base: dict[str, Any], source: str) -
     if len(settings) == 1 and next(iter(settings)) in _REFERENCES:
         reference, inner = next(iter(settings.items()))
         place, settings, others = f"{place}.{reference}", inner, ()
+    elif len(settings) != 1:
+        distribution_of(settings, place, others)  # refuses them by name
     if name in _TAKEN:
         raise BadInput("is not allowed: the tables have a column of that name already", place)
-    sampled = SampledParameter(
-        name, tuple(keys), reference, distribution_of(settings, place, others)
-    )
     for key in keys:
         nominal = nominal_value(base, key, f"{source}: vary")
         if reference != "absolute" and not numeric(nominal):
             raise BadInput(f"{key} is {nominal!r} in the trial; {reference} needs numbers", place)
-    return sampled
+    in_units_of = [] if reference == "relative" else keys
+    settings = with_numbers(settings, in_units_of, trial, base, place)
+    distribution = distribution_of(settings, place, others)
+    return SampledParameter(name, tuple(keys), reference, distribution)
 
 
 def nominal_value(base: dict[str, Any], key: str, place: str, others: tuple[str, ...] = ()) -> Any:

@@ -18,6 +18,7 @@ class Way(StrEnum):
     MONITORED = "bench: sensors or an estimate that are looked at"
     SWITCH = "bench: a switch to a law with a memory of its own"
     NO_PLAN = "bench: no plan for a filter about one"
+    BLACK_BOX = "bench: a testbed without equations"
     JOINTS = "bench: joints that are read in another way"
     EFFORTS = "bench: efforts that are no joints'"
     FAULT = "bench: a fault that batches do not know"

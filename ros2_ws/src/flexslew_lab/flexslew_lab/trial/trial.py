@@ -18,7 +18,6 @@ from flexslew_control.controllers import (
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
-from flexslew_control.plan_file import load_plan
 from flexslew_control.planners import (
     PLANNERS,
     PlanSettings,
@@ -30,6 +29,7 @@ from flexslew_control.planners import (
 from flexslew_control.planners.checks.first_point import with_jump
 from flexslew_control.planners.law_gains import law_gains
 from flexslew_control.planners.slew import Feedback
+from flexslew_control.plans.plan_file import load_plan
 from flexslew_lab.progress import phase
 from flexslew_lab.short_values import short
 from flexslew_plant.bench.bench import Bench
@@ -52,6 +52,7 @@ from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.settings import NotAKey, Positive, plain, section, validated
 from flexslew_plant.testbeds import Testbed, TestbedSettings, default_testbed, with_model_file
+from flexslew_plant.testbeds.contract import has_own_clock
 from flexslew_plant.yaml_data import load_yaml, require_short, yaml_text
 
 
@@ -164,6 +165,9 @@ def checked_trial(trial: Trial, source: str) -> Trial:
     if not trial.duration / trial.period <= _MOST_TICKS:
         words = f"more than {_MOST_TICKS:g} ticks of {trial.period:g} s"
         raise BadInput(words, source, "duration", trial.duration)
+    if has_own_clock(trial.testbed) and trial.rate_factor:
+        words = "the testbed has a clock of its own, which paces the run; give 0"
+        raise BadInput(words, source, "rate_factor", trial.rate_factor)
     if round(trial.duration / trial.period) < 1:
         words = f"at least a tick of {trial.period:g} s"
         raise BadInput(words, source, "duration", trial.duration)

@@ -30,6 +30,7 @@ from flexslew_plant.events import (
     FaultEndRequested,
     InjectionRequested,
     LargeDeflection,
+    PlantLost,
     RunFinished,
     StateLost,
     TargetRequested,
@@ -37,6 +38,7 @@ from flexslew_plant.events import (
     message_of,
 )
 from flexslew_plant.events.run import RejectionReason
+from flexslew_plant.external.messages import PlantFault
 from flexslew_plant.faults.dispatch import load_steps
 from flexslew_plant.faults.effects import CommandStatus
 from flexslew_plant.hardware.actuator import Actuator, minimum_impulse
@@ -48,6 +50,7 @@ from flexslew_plant.hardware.spin_limits import spin_limits_of
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.refusal import Cause, Refusal, Reply
 from flexslew_plant.testbeds import Testbed, initial_state
+from flexslew_plant.testbeds.contract import BlackBox, RunningPlant, has_own_clock
 from flexslew_plant.testbeds.model import Model
 
 _RIGID_FREQUENCY = 0.1  # of the brake on what has no mode [rad/s]
@@ -65,6 +68,8 @@ def _initial_model(given: Testbed, testbed: Testbed) -> tuple[Vector, Model, flo
     """
     try:
         start, model = read_only(initial_state(given)), testbed.model()
+        if not model.has_equations:
+            return start, model, _RIGID_FREQUENCY
         small = model.linearise(model.split(start)[0])
         if not np.isfinite((small.mass, small.stiffness)).all():
             raise OverflowError("mass and stiffness are not finite")
@@ -104,12 +109,10 @@ class Bench:
         self._start, self.model, lowest_frequency = _initial_model(settings.testbed, self._testbed)
         self.appendages = self.model.appendages
         self.limit: Vector = np.array(settings.testbed.effort_limit, dtype=float)
-        joint_inertia = self.model.inertias(self._start)
-        brake_inertia = np.where(
-            np.isinf(joint_inertia), 0.0, joint_inertia
-        )  # what does not move its joint brakes nothing
-        brake = settings.brake_damping_ratio * lowest_frequency * brake_inertia
+        self._plant: RunningPlant | None = None  # of a black box, while it runs
+        brake = self._brake_damping(lowest_frequency)
         self.drive = Drive(settings.active, settings.max_missed, brake)
+        self._ends_under_brake = self.own_clock and not brake.any()
         self.handover = Handover(self.drive, settings.fallback, self.tell)
         motors, names, period = settings.actuator, self.model.joint_names, settings.period
         impulse = minimum_impulse(motors, names, self.limit, period)
@@ -124,6 +127,11 @@ class Bench:
             self.model, q, settings.period, settings.duration, settings.integration_steps
         )
         self._friction = friction_of(settings.actuator, self.model, settings.period)
+        if self._friction is not None and not self.model.has_equations:
+            raise BadInput(
+                "a black box has friction of its own; give 0.0",
+                key="actuator.viscous_friction, actuator.coulomb_friction",
+            )
         self.last_tick = round(settings.duration / settings.period) if settings.duration else None
         require_allowed(settings.schedule, settings.allow_faults)
         self._names = names_of(self.model, self.limit)
@@ -133,8 +141,57 @@ class Bench:
         self.reset()
         self._warm()
 
+    def _brake_damping(self, lowest_frequency: float) -> Vector:
+        """Return the damping of the drive's brake, shape (joints,) [N m s/rad or N s/m]."""
+        if isinstance(self._testbed, BlackBox):
+            return np.array(self._testbed.brake_damping or np.zeros(self.limit.size))
+        inertia = self.model.inertias(self._start)
+        moved = np.where(np.isinf(inertia), 0.0, inertia)  # what moves no joint brakes nothing
+        return self.settings.brake_damping_ratio * lowest_frequency * moved
+
+    @property
+    def own_clock(self) -> bool:
+        """Whether the plant paces the ticks by a clock of its own."""
+        return has_own_clock(self._testbed)
+
+    def stop_plant(self) -> None:
+        """Stop the motion of a black box until the next reset; a fault if it does not stop."""
+        if self._plant is None:
+            return
+        try:
+            self._plant.stop()
+        except PlantFault as error:
+            if not self.failure:
+                self._fail(PlantLost(self.tick, self.time, str(error)))
+        self._note_facts(self._plant)
+
+    def _brake_plant(self, plant: RunningPlant) -> None:
+        """End the run of a plant with its own clock, whose brake acts in place of the drive's."""
+        words = "its brake is on"
+        try:
+            plant.stop()
+        except PlantFault as error:
+            words = str(error)
+        self._fail(PlantLost(self.tick, self.time, f"no controller is active; {words}"))
+
+    def _note_facts(self, plant: RunningPlant) -> None:
+        while plant.facts:
+            self.tell(plant.facts.popleft())
+
+    def close(self) -> None:
+        """End the process of a black box, which a reset starts again; others need no end."""
+        if self._plant is not None:
+            self._plant.close()
+            self._plant = None
+
     def reset(self) -> None:
-        """Return to tick 0 in a new epoch."""
+        """Return to tick 0 in a new epoch.
+
+        Raises:
+            BadInput: a black box cannot begin its first epoch; of a later one the run ends.
+        """
+        self.stop_plant()
+        fault = self._reset_plant()
         self.handover.reset(
             SwitchRequest(entry.switch, self._tick_of(entry.at))
             for entry in self.settings.schedule
@@ -163,6 +220,23 @@ class Bench:
         )
         self._faults = self._injections.faults
         self._start_tick()
+        if fault is not None:
+            self._fail(fault)
+
+    def _reset_plant(self) -> PlantLost | None:
+        """Let a black box return to tick 0; return why it cannot, if it could before."""
+        if not isinstance(self._testbed, BlackBox):
+            return None
+        try:
+            if self._plant is None:
+                self._plant = self._testbed.start(self.settings.period)
+            self._start = read_only(self._plant.reset())
+        except PlantFault as error:
+            if self.epoch < 0:
+                self.close()
+                raise BadInput(str(error), key="testbed") from None
+            return PlantLost(0, 0.0, str(error))
+        return None
 
     def place(self, x: Vector, applied: Vector, motors: Vector) -> None:
         """Go on from another state of motion at this tick, as nothing physical does.
@@ -171,7 +245,12 @@ class Bench:
             x: [q, v].
             applied: effort during the last tick, shape (joints,) [N m or N].
             motors: torques of motors with a lag at the end of it, shape (joints,) [N m or N].
+
+        Raises:
+            BadInput: a black box begins where it begins.
         """
+        if not self.model.has_equations:
+            raise BadInput("a black box cannot be placed in another state", key="testbed")
         self._x, self._applied = read_only(x), read_only(applied)
         self._extra, self._total = read_only(np.zeros_like(applied)), self._applied
         self.actuator.place(motors)
@@ -180,7 +259,8 @@ class Bench:
     def _warm(self) -> None:
         """Compile and load what a tick needs, so that none of them waits for it."""
         self.truth()
-        self._integrate(self._applied)
+        if self.model.has_equations:  # a black box would move
+            self._integrate(self._applied)
         if self.settings.allow_faults:  # an operator may inject any
             load_steps()
 
@@ -273,6 +353,9 @@ class Bench:
             drive.take(self._answer)
         elif drive.active:
             self.handover.count_missing_answer()
+        if self._plant is not None and not drive.active and self._ends_under_brake:
+            self._brake_plant(self._plant)
+            return
         demand = drive.effort(self._velocity)
         if faults.at_work:
             applied = faults.effort(self.actuator.apply(faults.demand(demand)))
@@ -283,13 +366,19 @@ class Bench:
         applied = read_only(applied)
         extra = self._injections.disturbance(self.tick)
         total = applied + extra
-        after = read_only(self._integrate(total))
+        try:
+            after = read_only(self._integrate(total))
+        except PlantFault as error:
+            self._fail(PlantLost(self.tick, self.time, str(error)))
+            return
         if is_lost(after):
-            self._fail(after, extra)
+            self._fail(self._lost_state(after, extra))
             return
         self._x, self._applied, self._extra, self._total = after, applied, extra, total
         self.saturated_ticks += self.actuator.saturated
         self.tick += 1
+        if self._plant is not None and self._plant.facts:
+            self._note_facts(self._plant)
         if self.tick == 1 and self.fast_mode is not None:
             self.tell(self.fast_mode)
         self._watch_tips()
@@ -315,6 +404,8 @@ class Bench:
         What no effort gives, `Model.outside`, pushes by half before and by half after (Strang
         1968): of second order.
         """
+        if self._plant is not None:
+            return self._plant.advance(effort)
         model, period, now = self.model, self.settings.period, self.time
         x = model.apply_impulse(self._x, 0.5 * period, now)
         if self._friction is None:
@@ -426,8 +517,8 @@ class Bench:
         """Return whether a requested tick is over; 0 stands for the next one."""
         return tick != 0 and tick < self.tick
 
-    def _fail(self, after: Vector, disturbance: Vector) -> None:
-        """End the run at this tick: the state a tick later is not finite."""
+    def _lost_state(self, after: Vector, disturbance: Vector) -> StateLost:
+        """Return that the state a tick later is not finite."""
         where, cause = diagnosis(
             self.model,
             self._x,
@@ -437,7 +528,10 @@ class Bench:
             self.drive.active,
             self.settings.period / self._steps,
         )
-        what = StateLost(self.tick, self.time, where, cause)
+        return StateLost(self.tick, self.time, where, cause)
+
+    def _fail(self, what: StateLost | PlantLost) -> None:
+        """End the run at this tick."""
         self.failure = message_of(what)
         self.tell(what)
         self.handover.drop_all(RUN_OVER)
@@ -496,6 +590,7 @@ class Bench:
         Args:
             wall_time: wall time during which ticks have passed [s].
         """
+        self.stop_plant()
         saturated = self.saturated_ticks * self.settings.period
         rejected = {str(reason): count for reason, count in self.drive.rejected.items()}
         self.tell(RunFinished(wall_time, self.tick, self.drive.missed, saturated, rejected))

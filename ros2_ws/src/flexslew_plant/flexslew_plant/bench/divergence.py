@@ -85,9 +85,7 @@ def diagnosis(
     # one lost state soon makes all lost: then the largest one before is reported
     first = int(np.argmax(np.abs(before) if lost.all() else lost))
     where = f"{names[first]} was {before[first]:.3g} before"
-    q, modes = model.split(before)[0], model.modes
-    rest = np.concatenate((q[: q.size - modes], np.zeros(modes)))
-    max_frequency = max(model.linearise(rest).frequencies, default=0.0)
+    max_frequency = _max_frequency(model, before)
     if step * max_frequency > STABLE_STEP:
         return where, (
             f"an integration step of {step:.6g} s is too long for the fastest mode of "
@@ -103,3 +101,12 @@ def diagnosis(
             f"whose limit is {limit[joint]:.3g}"
         )
     return where, f"{active or 'the brake'} does not stabilise it"
+
+
+def _max_frequency(model: Model, x: Vector) -> float:
+    """Return the fastest frequency of small motions near a state [rad/s]; 0 of a black box."""
+    if not model.has_equations:
+        return 0.0
+    q, modes = model.split(x)[0], model.modes
+    rest = np.concatenate((q[: q.size - modes], np.zeros(modes)))
+    return max(model.linearise(rest).frequencies, default=0.0)

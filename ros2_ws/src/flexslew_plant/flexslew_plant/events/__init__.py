@@ -42,6 +42,8 @@ from flexslew_plant.events.run import FastMode as FastMode
 from flexslew_plant.events.run import LargeDeflection as LargeDeflection
 from flexslew_plant.events.run import OperatorNote as OperatorNote
 from flexslew_plant.events.run import Paused as Paused
+from flexslew_plant.events.run import PlantLost as PlantLost
+from flexslew_plant.events.run import PlantTicksMissed as PlantTicksMissed
 from flexslew_plant.events.run import RateChanged as RateChanged
 from flexslew_plant.events.run import Resumed as Resumed
 from flexslew_plant.events.run import RunFinished as RunFinished
@@ -52,6 +54,7 @@ from flexslew_plant.events.run import Started as Started
 from flexslew_plant.events.run import StateLost as StateLost
 from flexslew_plant.events.run import StepsRequested as StepsRequested
 from flexslew_plant.events.run import TransportChosen as TransportChosen
+from flexslew_plant.events.run import WallTimes as WallTimes
 from flexslew_plant.events.run import WasReset as WasReset
 from flexslew_plant.events.switching import BRAKE as BRAKE
 from flexslew_plant.events.switching import AnswerMissing as AnswerMissing

@@ -6,6 +6,7 @@ from typing import Any
 
 from flexslew_plant.counted import count_text
 from flexslew_plant.events.event import NO_NAME, Count, Finite, Level, Seconds, Text, fact
+from flexslew_plant.step_times import TimeSummary
 
 
 @fact("started", Level.INFO, "started at tick {tick}")
@@ -145,6 +146,62 @@ class StateLost:
     time: Seconds = 0.0  # simulated [s]
     state: Text = ""  # which part of it
     cause: Text = ""  # the likely one, for people
+
+
+@fact(
+    "plant_lost",
+    Level.FAULT,
+    "the plant cannot go on after tick {tick} ({time:.6g} s): {cause}",
+)
+class PlantLost:
+    """An external plant has ended, is too slow or breaks its protocol, and the run ends."""
+
+    tick: Count = 0
+    time: Seconds = 0.0  # simulated [s]
+    cause: Text = ""  # for people
+
+
+@fact(
+    "plant_ticks_missed",
+    Level.WARNING,
+    lambda event: (
+        f"{count_text(event.ticks, 'tick')} of the plant's clock missed until tick {event.tick}: "
+        f"{event.lost} lost, {event.late} late"
+    ),
+)
+class PlantTicksMissed:
+    """Ticks of a plant with its own clock in a row: their measurement was lost, or effort late."""
+
+    tick: Count = 0  # at which they end
+    ticks: Count = 0
+    lost: Count = 0  # measurements that have not come
+    late: Count = 0  # efforts that left after the next measurement had come
+
+
+_QUANTITIES = {
+    "step": "plant, efforts with their measurements",
+    "response": "bench, measurements with their efforts",
+    "interval": "plant, intervals of its measurements",
+    "controller": "controller, measurements with their efforts",
+}
+
+
+def _wall_times(event: Any) -> str:
+    summary = TimeSummary(*list(vars(event).values())[1:])
+    return f"{_QUANTITIES.get(event.quantity, event.quantity)}: {summary}"
+
+
+@fact("wall_times", Level.INFO, _wall_times)
+class WallTimes:
+    """Wall times of an external plant at the end of an epoch, or of a controller so far."""
+
+    quantity: Text = ""  # step, response, interval or controller
+    steps: Count = 0
+    least: Seconds = 0.0  # [wall s]
+    median: Seconds = 0.0  # [wall s]
+    late: Seconds = 0.0  # 99 % are at most as long [wall s]
+    longest: Seconds = 0.0  # [wall s]
+    jitter: Seconds = 0.0  # standard deviation [wall s]
 
 
 @fact(

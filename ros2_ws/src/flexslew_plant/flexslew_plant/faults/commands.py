@@ -22,7 +22,7 @@ class CommandLost(OnAnyTestbed):
     """Answers vanish on their way to the drive: a missed tick each."""
 
     kind: Literal["command_lost"] = "command_lost"
-    probability: Probability = 1.0  # of each tick
+    probability: Probability = 1.0  # of each tick [-]
     seed: Seed = 0  # in addition to the trial's
 
     def begin(self, context: FaultContext) -> Effect:
@@ -39,7 +39,7 @@ class CommandLate(OnAnyTestbed):
     """Answers reach the drive after their tick is over: a missed tick and a stale answer each."""
 
     kind: Literal["command_late"] = "command_late"
-    probability: Probability = 1.0  # of each tick
+    probability: Probability = 1.0  # of each tick [-]
     ticks: Ticks = 1  # how late
     seed: Seed = 0  # in addition to the trial's
 
@@ -60,7 +60,7 @@ class CommandDuplicated(OnAnyTestbed):
     """Answers arrive in time, and a copy of each a tick later, which is rejected as stale."""
 
     kind: Literal["command_duplicated"] = "command_duplicated"
-    probability: Probability = 1.0  # of each tick
+    probability: Probability = 1.0  # of each tick [-]
     seed: Seed = 0  # in addition to the trial's
 
     def begin(self, context: FaultContext) -> Effect:
@@ -79,7 +79,7 @@ class CommandReordered(OnAnyTestbed):
     """Answers are overtaken by their successor: a missed tick, then a stale answer after it."""
 
     kind: Literal["command_reordered"] = "command_reordered"
-    probability: Probability = 1.0  # of each tick
+    probability: Probability = 1.0  # of each tick [-]
     seed: Seed = 0  # in addition to the trial's
 
     def begin(self, context: FaultContext) -> Effect:

@@ -83,7 +83,7 @@ class SensorDropout:
     kind: Literal["sensor_dropout"] = "sensor_dropout"
     channel: ChannelName  # which sensors
     of: str | None = None  # joint or appendage; null: every one of the channel
-    probability: Probability = 1.0  # of each tick
+    probability: Probability = 1.0  # of each tick [-]
     seed: Seed = 0  # in addition to the trial's
 
     def subject(self, names: Names) -> Subject | None:

@@ -72,8 +72,7 @@ def balanced(
     free: Vector,
     mobility: Matrix,
     v: Vector,
-    viscous: Vector,
-    coulomb: Vector,
+    law: Matrix,
     speed: float,
     dt: float,
 ) -> Vector:
@@ -87,12 +86,11 @@ def balanced(
         free: accelerations of the joints without friction, shape (m,).
         mobility: block of M^-1 of the joints, shape (m, m).
         v: their rates, shape (m,).
-        viscous: c, shape (m,) [N m s/rad].
-        coulomb: F, shape (m,) [N m].
-        speed: v_c [rad/s].
+        law: c [N m s/rad or N s/m] and F [N m or N] of every joint, shape (2, m).
+        speed: v_c [rad/s or m/s].
         dt: [s].
     """
-    r = r.copy()
+    r, viscous, coulomb = r.copy(), law[0], law[1]
     for _ in range(_MAX_JOINT_ITERATIONS):
         change = 0.0
         for i in range(r.size):
@@ -114,8 +112,7 @@ def next_friction(
     after: Vector,
     way: Vector,
     mobility: Matrix,
-    viscous: Vector,
-    coulomb: Vector,
+    law: Matrix,
     speed: float,
     dt: float,
 ) -> Vector:
@@ -130,13 +127,12 @@ def next_friction(
         after: their rates after it, shape (m,) [rad/s or m/s].
         way: from the beginning to the end, shape (m,) [rad or m].
         mobility: as in balanced, as are all that follow.
-        viscous: c.
-        coulomb: F.
+        law: c and F.
         speed: v_c.
         dt: one tick.
     """
     free = (after - v) / dt - mobility @ r
-    found = balanced(r, free, mobility, v, viscous, coulomb, speed, dt)
+    found = balanced(r, free, mobility, v, law, speed, dt)
     reach = 0.5 * dt**2
     displacement = way + reach * (mobility @ (found - r))
     for i in range(found.size):
@@ -160,10 +156,10 @@ class Friction:
 
     def __init__(self, motors: Motors, settings: ActuatorSettings, period: float) -> None:
         self._motors = motors
-        self._law = *coefficients(motors, settings), settings.coulomb_speed
+        self._law = coefficients(motors, settings), settings.coulomb_speed
         self._period = period
         one = np.ones(1)
-        next_friction(one, one, one, one, np.eye(1), one, one, 1.0, period)  # before tick 0
+        next_friction(one, one, one, one, np.eye(1), np.ones((2, 1)), 1.0, period)  # before tick 0
 
     def advance(
         self, x: Vector, effort: Vector, mobility: Matrix, step: Callable[[Vector], Vector]
@@ -193,8 +189,8 @@ class Friction:
         return after
 
 
-def coefficients(motors: Motors, settings: ActuatorSettings) -> tuple[Vector, Vector]:
-    """Return viscous and Coulomb coefficient of every motor, each of shape (motors,).
+def coefficients(motors: Motors, settings: ActuatorSettings) -> Matrix:
+    """Return viscous and Coulomb coefficient of every motor, shape (2, motors).
 
     Raises:
         BadInput: a name is that of no motor.
@@ -210,7 +206,7 @@ def coefficients(motors: Motors, settings: ActuatorSettings) -> tuple[Vector, Ve
             words = f"names of motors: {', '.join(motors.names)}"
             raise BadInput(words, "actuator", key, unknown[0])
         found.append(np.array([given.get(name, 0.0) for name in motors.names], dtype=np.float64))
-    return found[0], found[1]
+    return np.array(found)
 
 
 def friction_of(settings: ActuatorSettings, model: Model, period: float) -> Friction | None:

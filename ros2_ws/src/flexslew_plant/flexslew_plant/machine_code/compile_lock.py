@@ -42,6 +42,14 @@ _ADDRESS = re.compile("0x[0-9a-f]+")  # of a function that is an argument, in th
 class FilesForGood(IndexDataCacheFile):  # type: ignore[misc]
     """The files of a function's cache, each written once, before the index names it."""
 
+    def _load_index(self) -> dict[object, str]:
+        """Return the names of the files; none if the index names types that were moved since."""
+        try:
+            index: dict[object, str] = super()._load_index()
+        except (ImportError, AttributeError):
+            return {}
+        return index
+
     def save(self, key: object, data: object) -> None:
         """Keep the machine code of a specialisation."""
         name = self._data_name(uuid4().int)

@@ -1,4 +1,4 @@
 """Processes on one machine: locks, identities, interrupts.
 
-Offers: atomic, file_lock, interrupted, private_folder, process_identity.
+Offers: atomic, command_words, file_lock, interrupted, private_folder, process_identity.
 """

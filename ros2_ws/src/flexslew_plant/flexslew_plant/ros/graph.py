@@ -1,6 +1,7 @@
 """Queries of the graph: missing or incompatible listeners, and whether the plant is there."""
 
 from collections.abc import Sequence
+from time import monotonic
 from typing import Any, Protocol
 
 from rclpy.node import Node
@@ -159,11 +160,13 @@ class PlantWatch:
         if not self._subscription.get_publisher_count():
             return False
         plant_nodes = self._heartbeats.of_role("plant")
-        # DDS may report a publisher before the name of its node
-        return not plant_nodes or any(
-            info.node_name in (*plant_nodes, UNKNOWN_NODE)
-            for info in self._node.get_publishers_info_by_topic(self._subscription.topic_name)
-        )
+        alive = self._heartbeats.alive(monotonic()).keys()
+        infos = self._node.get_publishers_info_by_topic(self._subscription.topic_name)
+        names = {info.node_name for info in infos}
+        named = not names.isdisjoint(plant_nodes)
+        # without a name: reported before it, or left over for good, see has_publisher
+        unnamed = UNKNOWN_NODE in names and not alive.isdisjoint(plant_nodes)
+        return not plant_nodes or named or unnamed
 
     def look(self, code: int = 0, keep_running: bool = False) -> None:
         """Check for the plant; stop the loop with this code if it has left, or go on."""

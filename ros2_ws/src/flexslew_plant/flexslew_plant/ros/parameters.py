@@ -24,6 +24,7 @@ from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 _ROS = ("use_sim_time", "qos_overrides", "start_type_description")  # parameters of ROS itself
 _UNSET = "null"  # as which a dump of parameters writes, and ROS reads, what has no value
+_ABOVE_ZERO = nextafter(0.0, inf)  # least value of a field that must be more than 0
 _AT_START = "read at the start; restart the node to change it"
 
 Change = Callable[[dict[str, Any]], str]  # takes nested changes; returns why not, or ""
@@ -211,7 +212,8 @@ def _limit(descriptor: ParameterDescriptor, value: Any, field_info: FieldDescrip
     if not (isfinite(low) and isfinite(high)):
         return
     if isinstance(value, float):
-        limits = FloatingPointRange(from_value=low, to_value=high, step=0.0)
+        least = 0.0 if low == _ABOVE_ZERO else low  # zero is refused: _bounds
+        limits = FloatingPointRange(from_value=least, to_value=high, step=0.0)
         descriptor.floating_point_range = [limits]
     elif isinstance(value, int):
         descriptor.integer_range = [IntegerRange(from_value=ceil(low), to_value=int(high), step=1)]
@@ -220,7 +222,7 @@ def _limit(descriptor: ParameterDescriptor, value: Any, field_info: FieldDescrip
 def _bounds(field_info: FieldDescription) -> str:
     """Return which numbers are allowed, in words; empty: all."""
     low, high = field_info.low, field_info.high
-    least = "more than 0" if low == nextafter(0.0, inf) else f"{low:g} or more"
+    least = "more than 0" if low == _ABOVE_ZERO else f"{low:g} or more"
     if isfinite(low) and isfinite(high):
         return f"{least}, at most {high:g}"
     return least if isfinite(low) else f"at most {high:g}" if isfinite(high) else ""

@@ -51,6 +51,7 @@ class Plant:
             bench, s.controllers, *running, self._missing, lambda: self._link.received()
         )
         self._link = ControllerLink(node, direct, loop, self.session, self._take, local_controller)
+        self.close = bench.close  # a plant with a brake is braked
         self.session.heartbeats, self._realtime = self._alive.heartbeats, RealTime()
         self._truth = direct.publisher(topics.TRUTH)
         self._events = EventLog(node, direct)
@@ -73,7 +74,7 @@ class Plant:
             return NODE_WAIT_TIME / 4
         self._link.look(now)
         wait = self.session.poll(now)
-        self._realtime.set_priority(PLANT if self.session.tick_timer.paced else NONE)
+        self._realtime.set_priority(PLANT if self.session.tick_timer.real_time else NONE)
         self._send()
         wait = min(wait, self._link.call(wait), self._services.poll(now))
         self._report.poll(now)

@@ -3,12 +3,13 @@
 One of the user's own needs no line: `kind: my_testbed.py:MyTestbed`, or an entry point of the
 group flexslew.testbeds.
 
-Offers: attitude, beam, compiled.bound, compiled.dynamics, compiled.interface,
-compiled.scalar_kernel, compiled.batch_kernel, compiled.mass, compiled.push, compiled.traced_kernel,
-contract, csa, floating_oscillator, hub_with_appendages, identified, instruments,
-instruments.instrument, instruments.packed_readers, integration_error, kernels, linearisation,
-model, quaternions, robot_model, scene, spacecraft.assembly.packing,
-spacecraft.finite_elements.imported, spacecraft.finite_elements.modal_content,
+Offers: beam, black_box.plant_address, compiled.batch_kernel, compiled.bound, compiled.dynamics,
+compiled.interface, compiled.mass, compiled.push, compiled.scalar_kernel, compiled.traced_kernel,
+contract, csa, hub_with_appendages, identified, instruments, instruments.instrument,
+instruments.packed_readers, integration_error, kernels, linearisation, model, orientation.attitude,
+orientation.quaternions, oscillators.floating_oscillator, robot_model, scene,
+spacecraft.assembly.packing, spacecraft.finite_elements.imported,
+spacecraft.finite_elements.modal_content, spacecraft.finite_elements.model,
 spacecraft.finite_elements.readers, spacecraft.shapes.shape, spacecraft.testbed, spacecraft.units.
 """
 
@@ -29,35 +30,38 @@ from flexslew_plant.entries import table, union
 from flexslew_plant.errors import BadInput
 from flexslew_plant.keys.refused_keys import SectionError
 from flexslew_plant.known_joints import unknown_joint
-from flexslew_plant.own_code import NO_CODE, Trust, find_class, require_file
+from flexslew_plant.own_code import NO_CODE, Trust, find_class, require_command, require_file
 from flexslew_plant.settings import plain, validated
 from flexslew_plant.testbeds.contract import Testbed as Testbed
 from flexslew_plant.testbeds.entry import TestbedEntry as TestbedEntry
-from flexslew_plant.testbeds.initial_motion import InitialMotion
-from flexslew_plant.testbeds.many import models_of as models_of
+from flexslew_plant.testbeds.initial.initial_motion import InitialMotion
+from flexslew_plant.testbeds.initial.many import models_of as models_of
+from flexslew_plant.testbeds.initial.start import at_rest as at_rest
+from flexslew_plant.testbeds.initial.start import consistent_positions as consistent_positions
+from flexslew_plant.testbeds.initial.start import initial_motion as initial_motion
+from flexslew_plant.testbeds.initial.start import initial_positions as initial_positions
+from flexslew_plant.testbeds.initial.start import initial_state as initial_state
+from flexslew_plant.testbeds.initial.start import initial_states as initial_states
+from flexslew_plant.testbeds.initial.start import starts_in_motion as starts_in_motion
 from flexslew_plant.testbeds.model import Appendages as Appendages
 from flexslew_plant.testbeds.model import Model as Model
 from flexslew_plant.testbeds.model_file import model_of as model_of
 from flexslew_plant.testbeds.model_file import with_model_file as with_model_file
-from flexslew_plant.testbeds.start import at_rest as at_rest
-from flexslew_plant.testbeds.start import consistent_positions as consistent_positions
-from flexslew_plant.testbeds.start import initial_motion as initial_motion
-from flexslew_plant.testbeds.start import initial_positions as initial_positions
-from flexslew_plant.testbeds.start import initial_state as initial_state
-from flexslew_plant.testbeds.start import initial_states as initial_states
-from flexslew_plant.testbeds.start import starts_in_motion as starts_in_motion
 
 # isort: split
 # the testbeds, a line each
+from flexslew_plant.testbeds.black_box.external import EXTERNAL as EXTERNAL
+from flexslew_plant.testbeds.black_box.fmu import FMU as FMU
 from flexslew_plant.testbeds.csa.testbed import CSA as CSA
-from flexslew_plant.testbeds.floating_oscillator import OSCILLATOR as OSCILLATOR
 from flexslew_plant.testbeds.hub_with_appendages import HUB as HUB
 from flexslew_plant.testbeds.identified import IDENTIFIED as IDENTIFIED
 from flexslew_plant.testbeds.linear.testbed import LINEAR_PLANT as LINEAR_PLANT
+from flexslew_plant.testbeds.oscillators.floating_oscillator import OSCILLATOR as OSCILLATOR
+from flexslew_plant.testbeds.oscillators.varying_oscillator import VARYING as VARYING
 from flexslew_plant.testbeds.spacecraft.testbed import SPACECRAFT as SPACECRAFT
-from flexslew_plant.testbeds.varying_oscillator import VARYING as VARYING
 
 TESTBEDS: dict[str, TestbedEntry] = table(globals(), TestbedEntry)
+WITH_EQUATIONS = {name: entry for name, entry in TESTBEDS.items() if entry.has_equations}
 GROUP = "flexslew.testbeds"  # of the entry points of installed packages
 DEFAULT = CSA.name  # where `kind` is left out
 
@@ -120,6 +124,28 @@ def _with_file(values: Any, info: ValidationInfo) -> Any:
     return {**{key: value for key, value in values.items() if key != "file"}, **given}
 
 
+def _with_program(values: Any, info: ValidationInfo) -> Any:
+    """Return a section with what its program describes of itself.
+
+    A log then has all of it, and is read without the program.
+
+    Raises:
+        Untrusted: a log names the program, and is not trusted.
+    """
+    entry = TESTBEDS.get(_kind(values))
+    if entry is None or entry.described is None or not isinstance(values, dict):
+        return values
+    trust = info.context or NO_CODE
+    code = [values[key] for key in ("file", "serial") if key in values]
+    command = values.get("command") or code
+    try:
+        if command and isinstance(command, list | tuple):
+            require_command(trust, [str(part) for part in command], "command")
+        return {**values, **entry.described(values)}
+    except BadInput as error:
+        raise ValueError(str(error)) from error  # in which `validated` finds an Untrusted
+
+
 _NEEDED = ("effort_limit", "model", "modes", "scene")  # of contract.Testbed
 
 
@@ -178,6 +204,7 @@ else:
         ),
         Discriminator(_kind),
         BeforeValidator(_limited),
+        BeforeValidator(_with_program),
         BeforeValidator(_with_file),
         AfterValidator(_known_joints),
     ]
@@ -217,7 +244,8 @@ def with_changes(
     """
     if changes.get("kind", testbed.kind) != testbed.kind:
         return read_testbed(dict(changes), source, trust)
-    known = replace(trust, names=trust.names | {testbed.kind})  # it has been loaded before
+    loaded = {testbed.kind, getattr(testbed, "code_name", testbed.kind)}  # before
+    known = replace(trust, names=trust.names | loaded)
     base, motion = plain(testbed), initial_motion(testbed)
     if motion is not None and "initial_motion" not in changes:  # a model may have fewer modes
         changed: Any = with_changes(at_rest(testbed), changes, source, trust)

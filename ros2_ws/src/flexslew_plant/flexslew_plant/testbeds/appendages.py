@@ -37,6 +37,12 @@ class Appendages(NamedTuple):
     in_truth: tuple[bool, ...] = ()
 
     @property
+    def all_tips(self) -> bool:
+        """Whether every reading is that of a tip: no instrument, and no errors of its own."""
+        exact = self.errors is None or not self.errors.any()
+        return exact and self.exact_reading is None and self.body is None
+
+    @property
     def sensors(self) -> list[tuple[int, str, str]]:
         """Place, name and unit of all readings."""
         count = len(self.names)

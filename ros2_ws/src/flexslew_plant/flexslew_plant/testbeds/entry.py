@@ -22,6 +22,8 @@ class TestbedEntry:
     settings: type[Any]
     example: Mapping[str, Any] = field(default_factory=dict)
     from_file: Callable[[str, str], dict[str, Any]] | None = None
+    described: Callable[[Mapping[str, Any]], dict[str, Any]] | None = None
+    has_equations: bool = True
 
     @property
     def name(self) -> str:

@@ -22,7 +22,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.contract import require_no_payload
 from flexslew_plant.testbeds.entry import TestbedEntry
-from flexslew_plant.testbeds.initial_motion import InitialMotion
+from flexslew_plant.testbeds.initial.initial_motion import InitialMotion
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Appendages, Model
 from flexslew_plant.testbeds.scene import POINTS, Scene, rod, turntable

@@ -21,7 +21,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, section
 from flexslew_plant.testbeds.contract import RigidTurn, require_no_payload
 from flexslew_plant.testbeds.entry import TestbedEntry
-from flexslew_plant.testbeds.initial_motion import InitialMotion
+from flexslew_plant.testbeds.initial.initial_motion import InitialMotion
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Appendages, Model
 from flexslew_plant.testbeds.scene import Scene, schematic

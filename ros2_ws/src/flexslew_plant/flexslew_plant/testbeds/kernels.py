@@ -17,6 +17,7 @@ from numba.core.imputils import lower_constant
 from numba.extending import NativeValue, models, register_model, typeof_impl, unbox
 
 from flexslew_plant.arrays import called, merged
+from flexslew_plant.errors import BadInput
 from flexslew_plant.machine_code.compile_errors import convert_compile_errors
 
 # how many arguments of each function come before those that it writes into
@@ -104,6 +105,7 @@ class Kernels:
     @cached_property
     def compiled(self) -> dict[str, Any]:
         """The functions that were given, by name, for use inside compiled code."""
+        require_equations(self)
         return {
             name: _compile_function(name, function) for name, function in self.functions.items()
         }
@@ -149,6 +151,26 @@ def _sources(function: Callable[..., Any]) -> set[Path]:
         called = (now.__globals__.get(name) for name in now.__code__.co_names)
         waiting += {getattr(c, "py_func", None) for c in called} - seen - {None}
     return found
+
+
+def _no_equations(*_: Any) -> Any:
+    """Stand for the equations of a black box; never called."""
+
+
+NO_EQUATIONS = Kernels(_no_equations, _no_equations, _no_equations)
+
+
+def require_equations(kernels: Kernels) -> None:
+    """Check that a testbed has equations.
+
+    Raises:
+        BadInput: it is a black box.
+    """
+    if kernels is NO_EQUATIONS:
+        raise BadInput(
+            "the testbed is a black box without equations; name one with equations as the design "
+            "model, for example `model: {kind: identified, ...}`, or do without this"
+        )
 
 
 class KernelsType(types.Type):

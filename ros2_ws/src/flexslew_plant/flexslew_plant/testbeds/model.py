@@ -13,12 +13,17 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.known_joints import require_joints
 from flexslew_plant.notebook_table import in_notebook
 from flexslew_plant.testbeds.appendages import Appendages as Appendages
-from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.compiled.bound import Bound, Rates, bound, joint_reader, rates_of
 from flexslew_plant.testbeds.compiled.push import push_of
-from flexslew_plant.testbeds.compiled.variations import flight_with_slopes, slopes_of_pieces
-from flexslew_plant.testbeds.kernels import Kernels
+from flexslew_plant.testbeds.compiled.variations import (
+    BlockSizes,
+    Directions,
+    flight_with_slopes,
+    slopes_of_pieces,
+)
+from flexslew_plant.testbeds.kernels import NO_EQUATIONS, Kernels, require_equations
 from flexslew_plant.testbeds.linearisation import Linearisation
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints
 from flexslew_plant.testbeds.outside import Outside
 from flexslew_plant.testbeds.tangent import tangent_jacobian
 
@@ -165,6 +170,11 @@ class Model:
         count = self.joints if self.kernels.actuation is None else 0
         each = np.arange(count)
         return Motors(self.joint_names[:count], each, each, self.positions + each, np.ones(count))
+
+    @property
+    def has_equations(self) -> bool:
+        """Whether it has equations; a black box has none, and all that needs them is refused."""
+        return self.kernels is not NO_EQUATIONS
 
     @cached_property
     def _bound(self) -> Bound:
@@ -337,6 +347,7 @@ class Model:
     @cached_property
     def rates(self) -> Rates:
         """The kernels of `derivative` and `jacobian`, for compiled loops; where q' = v."""
+        require_equations(self.kernels)
         return rates_of(self.kernels, self.before_modes)
 
     def jacobian(self, x: Vector, effort: Vector, t: float = 0.0) -> tuple[Matrix, Matrix]:
@@ -368,8 +379,9 @@ class Model:
             The states at the ticks, shape (ticks + 1, size of a state), and their derivatives,
             shape (ticks + 1, parameters, size of a state).
         """
-        given = along, start, start_slopes, effort, period, *self._sizes
-        return flight_with_slopes(self._bound, self.packed, *given)
+        none = np.zeros((len(along), effort.shape[1]))
+        given = Directions(self.packed, along, none), start, start_slopes, effort, period
+        return flight_with_slopes(self._bound, *given, self._sizes)
 
     def slopes_of_pieces(
         self,
@@ -394,7 +406,7 @@ class Model:
         which = np.arange(states.shape[1]) if columns is None else columns
         if self.kernels.advance is not None:
             return self._exact_slopes(durations, which)
-        given = states, effort, durations, steps, which, *self._sizes
+        given = states, effort, durations, steps, which, self._sizes
         return slopes_of_pieces(self._bound, self.packed, *given)
 
     def _exact_slopes(self, durations: Vector, columns: Indices) -> tuple[Tensor, Tensor]:
@@ -416,16 +428,16 @@ class Model:
         return np.array(by_state).T, np.array(by_effort).T
 
     def integrated_poles(self, q: Vector) -> NDArray[np.complex128]:
-        """Return the poles at rest that integration steps follow [1/s]; none of exact solutions."""
-        if self.kernels.advance is not None:
+        """Return the poles at rest that integration steps follow [1/s]; none of what is exact."""
+        if self.kernels.advance is not None or not self.has_equations:
             return np.zeros(0, dtype=np.complex128)
         return self.linearise(q).eigenvalues
 
     @property
-    def _sizes(self) -> tuple[int, int]:
-        """Of the joint block of M, and by how much q has more entries than v."""
+    def _sizes(self) -> BlockSizes:
+        """Of the equations."""
         square = self.coordinates if self.kernels.full_mass else self.before_modes
-        return square, self.kernels.extra_positions
+        return BlockSizes(square, self.kernels.extra_positions)
 
     def residual_slopes(
         self, x: Vector, acceleration: Vector, t: float = 0.0
@@ -558,9 +570,12 @@ class Model:
     def energy(self, x: Vector, t: float = 0.0) -> float:
         """Return T + U [J], constant without effort, damping and dependence on time.
 
-        What rotors of gyros have is left out: their motors keep it.
+        What rotors of gyros have is left out: their motors keep it. That of a black box is not
+        known: 0.
         """
         self._require(x)
+        if not self.has_equations:
+            return 0.0
         if self.gimbals:  # they have a momentum and no inertia
             x = x.copy()
             x[self.positions + np.array(self.gimbals)] = 0.0

@@ -61,6 +61,14 @@ def computed(folder: Path, text: str) -> Path:
     return path
 
 
+def with_modes(text: str, modes: int) -> str:
+    """Return a deck that computes modes with ROOT clamped, and masses, in place of matrices."""
+    step = f"*BOUNDARY\nROOT, 1, 3\n*STEP\n*FREQUENCY\n{modes}\n*NODE FILE\nU\n"
+    return (
+        text.partition("*STEP")[0] + step + "*EL PRINT, ELSET=EALL, TOTALS=YES\nEMAS\n*END STEP\n"
+    )
+
+
 def truss_files(folder: Path) -> Path:
     """Return a deck with the stored matrices of rods between four nodes and a tip, by hand."""
     places = np.array(

@@ -9,6 +9,7 @@ from flexslew_control.controllers.by_joint.gyroscopic import Gyroscopic
 from flexslew_control.controllers.by_joint.integral_action import Action, IntegralLaw
 from flexslew_control.controllers.by_joint.three_axes import OF_TESTBED, control_axes, form_on_axes
 from flexslew_control.controllers.entry import LawEntry
+from flexslew_control.controllers.linear_form import LinearForm, collocated_form
 from flexslew_control.controllers.sampled_loop import integral_loop
 from flexslew_control.estimators.attitude_estimator import (
     AttitudeFilterSettings,
@@ -22,13 +23,12 @@ from flexslew_control.law import (
     Reference,
     per_joint,
 )
-from flexslew_control.linear_design import (
+from flexslew_control.linear.design_checks import (
     OperatingPoint,
     operating_point_of,
     require_stable,
     state_names,
 )
-from flexslew_control.linear_form import LinearForm, collocated_form
 from flexslew_control.shared_keys import DesignModel, TrackingTime
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import PerJoint, section

@@ -7,8 +7,8 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Testbed
-from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.contract import ThreeAxes
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints
 
 
 @dataclass(frozen=True)

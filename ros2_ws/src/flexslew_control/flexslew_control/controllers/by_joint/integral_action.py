@@ -7,8 +7,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from flexslew_control.controllers.by_joint.gyroscopic import Gyroscopic
+from flexslew_control.controllers.linear_form import Integration
 from flexslew_control.law import Estimate, Reference
-from flexslew_control.linear_form import Integration
 from flexslew_plant.arrays import Number, Vector
 from flexslew_plant.measurement import Measurement
 

@@ -9,6 +9,7 @@ from flexslew_control.allocation import Allocation
 from flexslew_control.controllers.by_joint.gyroscopic import Gyroscopic
 from flexslew_control.controllers.by_joint.three_axes import OF_TESTBED, control_axes, form_on_axes
 from flexslew_control.controllers.entry import LawEntry
+from flexslew_control.controllers.linear_form import LinearForm, collocated_form, no_integral
 from flexslew_control.estimators.attitude_estimator import (
     AttitudeFilterSettings,
     joint_estimator,
@@ -21,7 +22,6 @@ from flexslew_control.law import (
     Reference,
     per_joint,
 )
-from flexslew_control.linear_form import LinearForm, collocated_form, no_integral
 from flexslew_plant.arrays import Matrix, Number, Vector
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import PerJoint, section

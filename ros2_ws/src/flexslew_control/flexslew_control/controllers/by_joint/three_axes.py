@@ -13,13 +13,13 @@ from flexslew_control.allocation import (
     allocator_of,
 )
 from flexslew_control.controllers.by_joint.gyroscopic import Gyroscopic, gyroscopic
+from flexslew_control.controllers.linear_form import LinearForm, SharedForm
 from flexslew_control.controllers.sampled_loop import SampledPlant, require_sampled_pd
 from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
 from flexslew_control.estimators.flexible_attitude_tick import flexible_form
 from flexslew_control.law import Estimator, Law, PlantDescription, Reference
-from flexslew_control.linear_form import LinearForm, SharedForm
 from flexslew_plant.arrays import EMPTY, Matrix, Vector
-from flexslew_plant.testbeds.attitude import AttitudeJoints
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints
 
 _AXES = ("x", "y", "z")
 OF_TESTBED = ("gyroscopic", "allocation", "attitude")  # keys that make a law depend on its testbed

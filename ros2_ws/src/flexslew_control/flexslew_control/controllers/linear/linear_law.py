@@ -12,6 +12,12 @@ from flexslew_control.analysis.loop import loop_of, unstable_poles
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.analysis.rest import rest_of
 from flexslew_control.controllers.entry import LawEntry
+from flexslew_control.controllers.linear_form import (
+    LinearForm,
+    LinearObserver,
+    no_integral,
+    observed_form,
+)
 from flexslew_control.law import (
     Estimate,
     Estimator,
@@ -20,8 +26,7 @@ from flexslew_control.law import (
     PlantDescription,
     Reference,
 )
-from flexslew_control.linear_design import OperatingPoint
-from flexslew_control.linear_form import LinearForm, LinearObserver, no_integral, observed_form
+from flexslew_control.linear.design_checks import OperatingPoint
 from flexslew_control.shared_keys import DesignModel, TrackingTime
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput

@@ -16,12 +16,12 @@ from flexslew_control.controllers.model_predictive.prediction import (
     Program,
     varying_horizon,
 )
-from flexslew_control.free_platform import nominal
 from flexslew_control.law import Reference
-from flexslew_control.rate_dependent_platform import RateDependentPlatform
-from flexslew_control.zero_order_hold import zero_order_hold
+from flexslew_control.linear.free_platform import nominal
+from flexslew_control.linear.rate_dependent_platform import RateDependentPlatform
+from flexslew_control.linear.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import Matrix, Tensor, Vector
-from flexslew_plant.testbeds.attitude import AttitudeJoints
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints
 
 _ROTATION_STEP = 1e-4  # of the differences of what joints read [rad]
 

@@ -6,9 +6,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from flexslew_control.controllers.model_predictive.prediction import Costs, Program, horizon
-from flexslew_control.free_platform import nominal_states
 from flexslew_control.law import Estimate, Reference
-from flexslew_control.linear_design import LinearDesignModel
+from flexslew_control.linear.design_checks import LinearDesignModel
+from flexslew_control.linear.free_platform import nominal_states
 from flexslew_plant.arrays import Matrix, Vector
 
 

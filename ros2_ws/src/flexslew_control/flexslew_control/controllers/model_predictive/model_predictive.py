@@ -26,16 +26,19 @@ from flexslew_control.controllers.model_predictive.ahead import (
 from flexslew_control.controllers.model_predictive.prediction import Costs, costs
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, discrete_model
 from flexslew_control.estimators.rotation_filter import RotationFilter, rotation_filter
-from flexslew_control.free_platform import joints_first
 from flexslew_control.law import Estimate, PlantDescription, Reference
-from flexslew_control.linear_design import (
+from flexslew_control.linear.design_checks import (
     LinearDesignModel,
     OperatingPoint,
     operating_point_of,
     require_controllable,
     state_names,
 )
-from flexslew_control.rate_dependent_platform import RateDependentPlatform, rate_dependent_platform
+from flexslew_control.linear.free_platform import joints_first
+from flexslew_control.linear.rate_dependent_platform import (
+    RateDependentPlatform,
+    rate_dependent_platform,
+)
 from flexslew_control.shared_keys import DesignModel
 from flexslew_plant.arrays import Matrix, Vector, read_only
 from flexslew_plant.errors import BadInput
@@ -59,7 +62,7 @@ class ModelPredictive:
     # weights of the quadratic criterion, as of `lqr`; what follows the horizon is weighed by the
     # regulator's cost
     weights: ScaledWeights = ScaledWeights()
-    # factor of the weights of joints and modes while the reference moves
+    # factor of the weights of joints and modes while the reference moves [-]
     on_the_way: Positive = 1.0
     filter: FilterSettings = FilterSettings()  # the Kalman filter
     effort_rate: Positive | None = None  # largest rate of every effort [N m/s or N/s]; null: any

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from flexslew_control.riccati import discrete_riccati
+from flexslew_control.linear.riccati import discrete_riccati
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 

@@ -11,9 +11,9 @@ from flexslew_control.analysis.nonlinear_plant import sensor_outputs
 from flexslew_control.analysis.numeric_state import Number, Place, assign, copied, numbers
 from flexslew_control.analysis.rest import Rest
 from flexslew_control.controllers.controller import Controller
-from flexslew_control.course import PlanSequence
 from flexslew_control.law import Reference
 from flexslew_control.plan import Plan
+from flexslew_control.plans.course import PlanSequence
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement

@@ -15,9 +15,9 @@ from flexslew_control.controllers.retargeting.small_motion_laws import (
 )
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
-from flexslew_control.linear_design import require_controllable
+from flexslew_control.linear.design_checks import require_controllable
+from flexslew_control.linear.small_motion import Frozen, design_motion, require_full_rank
 from flexslew_control.shared_keys import TrackingTime, WholeModel
-from flexslew_control.small_motion import Frozen, design_motion, require_full_rank
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.settings import Positive, section
 

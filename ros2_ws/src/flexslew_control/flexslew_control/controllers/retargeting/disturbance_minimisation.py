@@ -11,9 +11,9 @@ from flexslew_control.controllers.retargeting.sampled_regulator import Design, s
 from flexslew_control.controllers.retargeting.small_motion_laws import StateFeedback, state_form
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
-from flexslew_control.linear_design import require_controllable
+from flexslew_control.linear.design_checks import require_controllable
+from flexslew_control.linear.small_motion import design_motion
 from flexslew_control.shared_keys import WholeModel
-from flexslew_control.small_motion import design_motion
 from flexslew_plant.settings import Positive, section
 
 

@@ -10,8 +10,8 @@ from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.retargeting.small_motion_laws import StateFeedback, state_form
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
+from flexslew_control.linear.small_motion import Frozen, design_motion, require_full_rank
 from flexslew_control.shared_keys import WholeModel
-from flexslew_control.small_motion import Frozen, design_motion, require_full_rank
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import NonNegative, Positive, section
 

@@ -15,8 +15,8 @@ from flexslew_control.controllers.retargeting.small_motion_laws import (
 )
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
+from flexslew_control.linear.small_motion import design_motion
 from flexslew_control.shared_keys import TrackingTime, WholeModel
-from flexslew_control.small_motion import design_motion
 from flexslew_plant.settings import section
 
 

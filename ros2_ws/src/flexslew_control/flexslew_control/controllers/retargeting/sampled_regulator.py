@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, expm
 
 from flexslew_control.controllers.lqr import regulator
-from flexslew_control.riccati import discrete_riccati
+from flexslew_control.linear.riccati import discrete_riccati
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 

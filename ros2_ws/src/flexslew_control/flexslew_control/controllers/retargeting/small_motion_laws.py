@@ -5,19 +5,19 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import block_diag
 
-from flexslew_control.controllers.probing.at_rest import plan_motion_error
-from flexslew_control.estimators.small_motion_observer import (
-    InverseObserver,
-    SmallMotionObserver,
-)
-from flexslew_control.law import Estimate, Reference
-from flexslew_control.linear_form import (
+from flexslew_control.controllers.linear_form import (
     LinearForm,
     LinearObserver,
     SmallMotionForm,
     no_observer,
     observed_form,
 )
+from flexslew_control.controllers.probing.at_rest import plan_motion_error
+from flexslew_control.estimators.small_motion_observer import (
+    InverseObserver,
+    SmallMotionObserver,
+)
+from flexslew_control.law import Estimate, Reference
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.measurement import Measurement

@@ -13,7 +13,7 @@ from flexslew_control.controllers.sliding.sliding_surface import LinearSystem
 from flexslew_control.estimators.kalman import outputs
 from flexslew_control.estimators.prediction import first_state, steady_prediction
 from flexslew_control.law import Estimate, LawFailed, Reference, nominal_state
-from flexslew_control.zero_order_hold import zero_order_hold
+from flexslew_control.linear.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.model import Model

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexslew_control.controllers.linear_form import LinearForm, LinearObserver, observed_form
 from flexslew_control.controllers.sliding.design_model import Mask, inverse, observer_step
 from flexslew_control.controllers.sliding.sliding_surface import LinearSystem, SlidingDesign
 from flexslew_control.law import Estimate, Reference
-from flexslew_control.linear_form import LinearForm, LinearObserver, observed_form
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.measurement import Measurement
 

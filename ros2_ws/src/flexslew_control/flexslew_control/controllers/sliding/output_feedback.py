@@ -42,9 +42,8 @@ from flexslew_control.controllers.sliding.sliding_law import (
 from flexslew_control.controllers.sliding.sliding_surface import LinearSystem, design
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, continuous_gain
 from flexslew_control.estimators.rotation_filter import RotationFilter, rotation_filter
-from flexslew_control.free_platform import LinearModel
 from flexslew_control.law import PlantDescription
-from flexslew_control.linear_design import (
+from flexslew_control.linear.design_checks import (
     LinearDesignModel,
     OperatingPoint,
     operating_point_of,
@@ -52,7 +51,8 @@ from flexslew_control.linear_design import (
     require_stable,
     state_names,
 )
-from flexslew_control.rate_dependent_platform import free_platform
+from flexslew_control.linear.free_platform import LinearModel
+from flexslew_control.linear.rate_dependent_platform import free_platform
 from flexslew_control.shared_keys import DesignModel
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flexslew_control.controllers.sliding.design_model import Mask, inverse
-from flexslew_control.free_platform import nominal
 from flexslew_control.law import Estimate, Reference
-from flexslew_control.rate_dependent_platform import RateDependentPlatform
+from flexslew_control.linear.free_platform import nominal
+from flexslew_control.linear.rate_dependent_platform import RateDependentPlatform
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.measurement import Measurement
 

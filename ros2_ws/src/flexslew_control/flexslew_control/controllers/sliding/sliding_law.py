@@ -1,10 +1,22 @@
 """The sliding law and its observer (Sung and Joo, (5), (51)), and their linear form."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
+from flexslew_control.controllers.linear_form import (
+    KalmanForm,
+    LinearForm,
+    LinearObserver,
+    OnModelForm,
+    SteadyForm,
+    SurfaceGains,
+    kalman_form,
+    observed_form,
+    surface_terms,
+)
 from flexslew_control.controllers.rotation_form import rotation_form
 from flexslew_control.controllers.sliding.design_model import (
     DesignModel,
@@ -20,17 +32,6 @@ from flexslew_control.estimators.kalman import KalmanFilter, discrete_model
 from flexslew_control.estimators.prediction import first_gain
 from flexslew_control.estimators.rotation_filter import RotationFilter
 from flexslew_control.law import Estimate, Estimator, Reference
-from flexslew_control.linear_form import (
-    KalmanForm,
-    LinearForm,
-    LinearObserver,
-    OnModelForm,
-    SteadyForm,
-    SurfaceGains,
-    kalman_form,
-    observed_form,
-    surface_terms,
-)
 from flexslew_plant.arrays import EMPTY, Matrix, Tensor, Vector
 from flexslew_plant.measurement import Measurement
 
@@ -128,10 +129,13 @@ class SlidingLaw:
 
     def __post_init__(self) -> None:
         """Precompute what does not change."""
-        nu, kappa = self.found.reaching_rate, self.attitude_gain
-        # nu G + kappa G on the joints' columns alone
-        self.reaching = self.found.surface * (nu + kappa * self.observed.joint_rows)
         self._innovation_gain = self.found.surface @ self.found.observer_gain
+
+    @cached_property
+    def reaching(self) -> Matrix:
+        """The matrix nu G + kappa G, kappa on the joints' columns alone."""
+        nu, kappa = self.found.reaching_rate, self.attitude_gain
+        return self.found.surface * (nu + kappa * self.observed.joint_rows)
 
     def at_rest(self, a: Matrix) -> Matrix:
         """Return (G B)^-1 (G A + nu G + kappa G), which multiplies -(z - z*) at the rest z = 0.

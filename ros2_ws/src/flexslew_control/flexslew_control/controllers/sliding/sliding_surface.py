@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, block_diag, null_space
 
 from flexslew_control.estimators.kalman import continuous_gain
-from flexslew_control.linear_design import require_controllable, require_observable
-from flexslew_control.riccati import continuous_riccati
+from flexslew_control.linear.design_checks import require_controllable, require_observable
+from flexslew_control.linear.riccati import continuous_riccati
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 

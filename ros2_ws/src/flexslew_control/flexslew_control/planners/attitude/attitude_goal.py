@@ -14,7 +14,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.known_joints import ByJoint
 from flexslew_plant.settings import section
 from flexslew_plant.testbeds import initial_positions
-from flexslew_plant.testbeds.attitude import product, quaternion, rotation_vector
+from flexslew_plant.testbeds.orientation.attitude import product, quaternion, rotation_vector
 
 Triple: TypeAlias = tuple[float, float, float]
 Order: TypeAlias = Literal[

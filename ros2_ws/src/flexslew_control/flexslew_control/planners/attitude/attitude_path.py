@@ -15,7 +15,13 @@ import numpy as np
 from scipy.interpolate import BPoly
 
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.attitude import conjugate, product, quaternion, rotation_vector, skew
+from flexslew_plant.testbeds.orientation.attitude import (
+    conjugate,
+    product,
+    quaternion,
+    rotation_vector,
+    skew,
+)
 
 _SMALL = 1e-3  # angle below which series are exact to rounding [rad]
 

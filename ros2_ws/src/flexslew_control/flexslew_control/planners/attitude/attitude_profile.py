@@ -38,7 +38,7 @@ from flexslew_control.shared_keys import Initial, Start
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, plain, section
-from flexslew_plant.testbeds.attitude import quaternion, rotation_vector
+from flexslew_plant.testbeds.orientation.attitude import quaternion, rotation_vector
 
 _ROUNDING = 1e-9  # of a limit
 

@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_control.free_platform import rate_outputs
 from flexslew_control.law import PlantDescription
+from flexslew_control.linear.free_platform import rate_outputs
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.attitude_goal import SAME
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.counted import count_text
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.testbeds.attitude import product, quaternion, rotation_vector
 from flexslew_plant.testbeds.contract import RigidTurn, ThreeAxes
 from flexslew_plant.testbeds.model import Model
+from flexslew_plant.testbeds.orientation.attitude import product, quaternion, rotation_vector
 
 ROTATION = "turn"  # name of the joint about the eigenaxis
 _EXACT = 1e-12  # of the joints' rates at a tick [rad/s or m/s]

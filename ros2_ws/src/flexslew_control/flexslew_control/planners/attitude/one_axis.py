@@ -14,7 +14,6 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.known_joints import require_joints_of
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.testbeds import design_testbed, initial_positions, with_model_file
-from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.contract import (
     HingeTurn,
     Retargetable,
@@ -24,6 +23,7 @@ from flexslew_plant.testbeds.contract import (
     Wheeled,
 )
 from flexslew_plant.testbeds.model import Model
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints
 
 RELEVANT = "relevant"  # as `model: modes`: those that matter
 _OFF_AXIS = 1e-9  # of an axis: rotation across it by rounding [-], [rad]

@@ -6,7 +6,14 @@ from functools import lru_cache
 import numpy as np
 
 from flexslew_control.planners.feedforward.basis import Basis
-from flexslew_control.planners.feedforward.shooting import final_sensitivity, roll_out
+from flexslew_control.planners.feedforward.shooting import (
+    JointLoop,
+    StageRecord,
+    final_sensitivity,
+    joint_loop,
+    roll_out,
+    stage_record,
+)
 from flexslew_control.planners.slew import Slew
 from flexslew_control.planners.trajectories import Profile, rest_to_rest
 from flexslew_plant.arrays import Matrix, Vector
@@ -38,6 +45,11 @@ class Manoeuvre:
     reference: Profile
 
     @property
+    def loop(self) -> JointLoop:
+        """The model in the loop that its feedback closes."""
+        return joint_loop(self.model, self.kp, self.kd)
+
+    @property
     def initial_state(self) -> Vector:
         """At rest at the start with straight appendages, shape (2 n,)."""
         return np.concatenate((self.start, np.zeros(2 * self.model.coordinates - len(self.start))))
@@ -66,20 +78,10 @@ class Manoeuvre:
         """
         r = rest_to_rest(self.reference, self.start, self.goal, self.duration, stage_times(edges))
         command = feedforward + self.kp * r.position + self.kd * r.velocity
-        n = self.model.coordinates
-        states = np.empty((len(command), 2 * n)) if rows is None else rows
-        return roll_out(
-            self.model.kernels,
-            self.model.packed,
-            self.initial_state,
-            edges,
-            command,
-            self.kp,
-            self.kd,
-            ((0,) * n, (0,) * self.model.joints),
-            states,
-            np.empty((len(command), n)),
-        )
+        record = stage_record(command, self.model.coordinates)
+        if rows is not None:
+            record = record._replace(states=rows)
+        return roll_out(self.loop, self.initial_state, edges, record)
 
     def efforts(self, edges: Vector, feedforward: Matrix, path: Matrix) -> Matrix:
         """Return feedforward and feedback (16) at the edges, shape (steps + 1, joints) [N m].
@@ -195,18 +197,8 @@ class TerminalMap:
         edges, table, _, _ = _tables(self.basis, m.reference, self.substeps)
         command = table @ weights.reshape(m.model.joints, -1).T
         command += self._work["drive"]
-        path = self._work["path"] = roll_out(
-            m.model.kernels,
-            m.model.packed,
-            m.initial_state,
-            edges,
-            command,
-            m.kp,
-            m.kd,
-            self._sizes,
-            self._work["states"],
-            self._work["accelerations"],
-        )
+        self._work["command"] = command
+        path = self._work["path"] = roll_out(m.loop, m.initial_state, edges, self._record)
         return np.asarray(path[-1] - m.final_state)
 
     def sensitivity(self) -> Matrix:
@@ -271,20 +263,11 @@ class TerminalMap:
     def _differentiate(self, transitions: Matrix) -> None:
         """Write the adjoint of the last roll-out into the work space."""
         m = self.manoeuvre
-        final_sensitivity(
-            m.model.kernels,
-            m.model.packed,
-            _tables(self.basis, m.reference, self.substeps)[0],
-            m.kp,
-            m.kd,
-            self._sizes,
-            self._work["states"],
-            self._work["accelerations"],
-            self._work["adjoint"],
-            transitions,
-        )
+        edges = _tables(self.basis, m.reference, self.substeps)[0]
+        final_sensitivity(m.loop, edges, self._record, self._work["adjoint"], transitions)
 
     @property
-    def _sizes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        model = self.manoeuvre.model
-        return (0,) * model.coordinates, (0,) * model.joints
+    def _record(self) -> StageRecord:
+        """The stages of the last roll-out."""
+        work = self._work
+        return StageRecord(work["command"], work["states"], work["accelerations"])

@@ -64,7 +64,7 @@ class OptimizedFeedforward:
     iterations: Literal["converge", "paper"] = "converge"
     sensitivities: Sensitivities = "exact"  # how derivatives are computed
     max_iterations: Annotated[int, Field(ge=1)] = 100  # largest number of updates
-    tolerance: Positive = 1e-6  # relative change of the weights at which to stop
+    tolerance: Positive = 1e-6  # relative change of the weights at which to stop [-]
     # what the feedback follows: planned (the planned trajectory, so that the run matches the plan
     # at any period) or reference (as in the paper)
     track: Literal["planned", "reference"] = "planned"

@@ -93,7 +93,7 @@ class RobustFeedforward:
     # fraction of the effort limit kept free, on every model [-]
     reserve: Annotated[float, Field(ge=0.01, lt=1.0)] = 0.05
     max_iterations: Annotated[int, Field(ge=1)] = 60  # largest number of updates
-    tolerance: Positive = 1e-3  # relative improvement of the objective at which to stop
+    tolerance: Positive = 1e-3  # relative improvement of the objective at which to stop [-]
 
 
 def ensemble(settings: RobustFeedforward, slew: Slew) -> tuple[FeedforwardMember, ...]:

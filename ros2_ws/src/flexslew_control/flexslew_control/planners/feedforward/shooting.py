@@ -6,6 +6,8 @@ the integrator.
 So the kernels know neither the reference nor the basis of the feedforward.
 """
 
+from typing import NamedTuple, TypeAlias
+
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
@@ -17,37 +19,70 @@ from flexslew_plant.testbeds.compiled.dynamics import (
     STEP_WEIGHTS,
 )
 from flexslew_plant.testbeds.kernels import Kernels
+from flexslew_plant.testbeds.model import Model
+
+# JointLoop without its kernels and StageRecord, as plain tuples
+_Loop: TypeAlias = tuple[Vector, Vector, Vector, tuple[int, ...], tuple[int, ...]]
+_Record: TypeAlias = tuple[Matrix, Matrix, Matrix]
 
 
-@compiled
-def roll_out(
-    kernels: Kernels,
-    p: Vector,
-    start: Vector,
-    edges: Vector,
-    inputs: Matrix,
-    kp: Vector,
-    kd: Vector,
-    sizes: tuple[tuple[int, ...], tuple[int, ...]],
-    states: Matrix,
-    accelerations: Matrix,
-) -> Matrix:
+class JointLoop(NamedTuple):
+    """A testbed in the loop that its joint feedback closes.
+
+    Their lengths make n and the joints constants to the compiler, which unrolls the short loops:
+    three times faster than with sizes read from arrays.
+    """
+
+    kernels: Kernels
+    p: Vector  # packed parameters
+    kp: Vector  # shape (joints,) [N m/rad]
+    kd: Vector  # shape (joints,) [N m s/rad]
+    coordinates: tuple[int, ...]  # n zeros
+    joints: tuple[int, ...]  # as many zeros as joints
+
+
+class StageRecord(NamedTuple):
+    """The states at every stage of a roll-out, and d, from which they follow."""
+
+    inputs: Matrix  # d, shape (STAGES steps, joints) [N m or N]
+    states: Matrix  # shape (STAGES steps, 2 n)
+    accelerations: Matrix  # shape (STAGES steps, n)
+
+
+def joint_loop(model: Model, kp: Vector, kd: Vector) -> JointLoop:
+    """Return a model in the loop of these gains."""
+    zeros = (0,) * model.coordinates, (0,) * model.joints
+    return JointLoop(model.kernels, model.packed, kp, kd, *zeros)
+
+
+def stage_record(inputs: Matrix, coordinates: int) -> StageRecord:
+    """Return a record with room for the states and accelerations that follow from d."""
+    stages = len(inputs)
+    return StageRecord(inputs, np.empty((stages, 2 * coordinates)), np.empty((stages, coordinates)))
+
+
+def roll_out(loop: JointLoop, start: Vector, edges: Vector, record: StageRecord) -> Matrix:
     """Return the states at the edges, shape (steps + 1, 2 n), one step of order 8 between each two.
 
     Args:
-        kernels, p: the testbed's equations and its packed parameters.
+        loop: testbed and feedback.
         start: state [q, v] at edges[0], shape (2 n,).
         edges: rising times, shape (steps + 1,) [s].
-        inputs: d at the stages, shape (STAGES steps, joints) [N m or N].
-        kp, kd: joint gains, shape (joints,) [N m/rad, N m s/rad].
-        sizes: two tuples of n and of `joints` zeros. Their lengths are constants to the compiler,
-            which unrolls the short loops: three times faster than with sizes read from arrays.
-        states: out, the state at every stage, shape (STAGES steps, 2 n).
-        accelerations: out, at every stage, shape (STAGES steps, n).
+        record: d, and out: the states and accelerations.
     """
-    n, m, steps = len(sizes[0]), len(sizes[1]), edges.size - 1
+    # plain tuples, which Numba recognises in a fiftieth of the time of named ones
+    return _roll_out(loop.kernels, loop[1:], start, edges, record[:])
+
+
+@compiled
+def _roll_out(
+    kernels: Kernels, loop: _Loop, start: Vector, edges: Vector, record: _Record
+) -> Matrix:
+    """See roll_out."""
+    (p, kp, kd, coordinates, joints), (inputs, states, accelerations) = loop, record
+    n, m, steps = len(coordinates), len(joints), edges.size - 1
     s = interface.square(kernels, n, m)
-    block, coupling, modal = np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s)
+    blocks = dynamics.MassBlocks(np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s))
     slopes, at, a, effort = np.empty((STAGES, 2 * n)), np.empty(2 * n), np.empty(n), np.empty(m)
     now, path = start.copy(), np.empty((steps + 1, 2 * n))
     for k in range(2 * n):
@@ -60,7 +95,7 @@ def roll_out(
             for j in range(m):
                 effort[j] = inputs[row, j] - kp[j] * at[j] - kd[j] * at[n + j]
             now_at = edges[step] + STAGE_TIMES[i] * h
-            dynamics.acceleration(kernels, p, now_at, at, effort, block, coupling, modal, a)
+            dynamics.acceleration(kernels, p, now_at, at, effort, blocks, a)
             for k in range(n):
                 slopes[i, k] = at[n + k]
                 slopes[i, n + k] = a[k]
@@ -73,18 +108,8 @@ def roll_out(
     return path
 
 
-@compiled
 def final_sensitivity(
-    kernels: Kernels,
-    p: Vector,
-    edges: Vector,
-    kp: Vector,
-    kd: Vector,
-    sizes: tuple[tuple[int, ...], tuple[int, ...]],
-    states: Matrix,
-    accelerations: Matrix,
-    out: Matrix,
-    transitions: Matrix,
+    loop: JointLoop, edges: Vector, record: StageRecord, out: Matrix, transitions: Matrix
 ) -> None:
     """Write d x(T) / d drive, the exact derivative of roll_out, by its adjoint.
 
@@ -96,13 +121,26 @@ def final_sensitivity(
     derivatives of the state at the step's own end.
 
     Args:
-        kernels, p, edges, kp, kd, sizes: as in roll_out.
-        states, accelerations: what roll_out wrote.
+        loop, edges, record: of the roll_out.
         out: shape (STAGES steps, joints 2 n): per stage and joint the 2 n derivatives.
         transitions: out, shape (steps, (2 n)^2): entry k 2 n + r of a row is the derivative of
             component r at the step's end by component k at its start; or shape (0, 0).
     """
-    n, m, steps = len(sizes[0]), len(sizes[1]), edges.size - 1
+    _final_sensitivity(loop.kernels, loop[1:], edges, record[:], out, transitions)
+
+
+@compiled
+def _final_sensitivity(
+    kernels: Kernels,
+    loop: _Loop,
+    edges: Vector,
+    record: _Record,
+    out: Matrix,
+    transitions: Matrix,
+) -> None:
+    """See final_sensitivity."""
+    (p, kp, kd, coordinates, joints), (_, states, accelerations) = loop, record
+    n, m, steps = len(coordinates), len(joints), edges.size - 1
     rows = 2 * n
     half = n * rows  # where the velocity components start
     s = interface.square(kernels, n, m)

@@ -5,13 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexslew_control.analysis.lti import Lti
-from flexslew_control.planners.feedforward.shooting import final_sensitivity, roll_out
-from flexslew_control.planners.minimax.closed_loop import closed_loop, feedback
-from flexslew_control.planners.minimax.motion import MemberFlight
 from flexslew_control.planners.minimax.response import RestMotion, joint_outputs
+from flexslew_control.planners.residual.closed_loop import (
+    ClosedLoopResponse,
+    FeedbackNumbers,
+    closed_loop,
+    feedback,
+)
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.testbeds import Model
-from flexslew_plant.testbeds.compiled.dynamics import STAGES
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class JointMotion:
 
     def flight(
         self, model: Model, efforts: Matrix, gains: Matrix, path: Matrix | None, motors: Lti
-    ) -> MemberFlight:
+    ) -> ClosedLoopResponse:
         """Return the flight of a member."""
         m, n = model.joints, model.coordinates
         start = np.zeros(2 * n)
@@ -46,36 +48,12 @@ class JointMotion:
             gains, path = np.zeros_like(gains), np.zeros((len(efforts) + 1, start.size))
         inputs = efforts + np.hstack((path[:-1, :m], path[:-1, n : n + m])) @ gains.T
         places, none = np.concatenate((np.arange(m), n + np.arange(m))), np.zeros((len(inputs), 0))
-        return closed_loop(model, start, inputs, _by_joint, none, gains, places, motors)
+        fed_back = FeedbackNumbers(none, gains, places)
+        return closed_loop(model, start, inputs, _by_joint, fed_back, motors)
 
-    def step_derivatives(
-        self, model: Model, trajectory: MemberFlight, period: float
-    ) -> tuple[Tensor, Tensor]:
-        """Return the exact ones of the integrator's step, see feedforward.shooting."""
-        n, m, ticks = model.coordinates, model.joints, len(trajectory.applied)
-        sizes, none = ((0,) * n, (0,) * m), np.zeros(m)
-        edges = period * np.arange(ticks + 1, dtype=np.float64)
-        states, accelerations = np.empty((ticks * STAGES, 2 * n)), np.empty((ticks * STAGES, n))
-        inputs = np.repeat(trajectory.applied, STAGES, axis=0)
-        kernels, p = model.kernels, model.packed
-        roll_out(
-            kernels,
-            p,
-            trajectory.states[0],
-            edges,
-            inputs,
-            none,
-            none,
-            sizes,
-            states,
-            accelerations,
-        )
-        by_stage, flat = np.empty((ticks * STAGES, m * 2 * n)), np.empty((ticks, 4 * n * n))
-        final_sensitivity(
-            kernels, p, edges, none, none, sizes, states, accelerations, by_stage, flat
-        )  # fmt: skip
-        by_joint = by_stage.reshape(ticks, STAGES, m, 2 * n).sum(axis=1)
-        return flat.reshape(ticks, 2 * n, 2 * n).swapaxes(1, 2), by_joint.swapaxes(1, 2)
+    @property
+    def columns(self) -> None:
+        """All entries of a state."""
 
     def feedback_derivatives(
         self, gains: Matrix, states: Matrix, path: Matrix

@@ -1,20 +1,12 @@
 """How the members of a slew move, as the search of a plant that is not linear sees them."""
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.planners.minimax.response import RestMotion
-from flexslew_plant.arrays import Matrix, Tensor, Vector
+from flexslew_control.planners.residual.closed_loop import ClosedLoopResponse
+from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.testbeds import Model
-
-
-class MemberFlight(NamedTuple):
-    """One member under the efforts of a plan and the feedback about the nominal path."""
-
-    states: Matrix  # at the ticks, (ticks + 1, size)
-    commands: Matrix  # feedforward and feedback, (ticks, joints) [N m or N]
-    applied: Matrix  # what the motors give, (ticks, joints) [N m or N]
-    motors: Vector  # their states at the last tick, (s,)
 
 
 class MemberMotion(Protocol):
@@ -23,12 +15,16 @@ class MemberMotion(Protocol):
     A deviation from the rest at the goal has k coordinates and their rates, see RestMotion.
     """
 
+    @property
+    def columns(self) -> Indices | None:
+        """The entries of a state by which derivatives are taken; None: all."""
+
     def at_rest(self, model: Model) -> RestMotion:
         """Return the small motions about the rest at the goal."""
 
     def flight(
         self, model: Model, efforts: Matrix, gains: Matrix, path: Matrix | None, motors: Lti
-    ) -> MemberFlight:
+    ) -> ClosedLoopResponse:
         """Return the flight of a member.
 
         Args:
@@ -38,11 +34,6 @@ class MemberMotion(Protocol):
             path: of the nominal member, (ticks + 1, size); None: this is the nominal member.
             motors: from commands to efforts, tick by tick.
         """
-
-    def step_derivatives(
-        self, model: Model, trajectory: MemberFlight, period: float
-    ) -> tuple[Tensor, Tensor]:
-        """Return those of every tick, by its state, (ticks, size, size), and by its effort."""
 
     def feedback_derivatives(
         self, gains: Matrix, states: Matrix, path: Matrix

@@ -15,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_control.analysis.lti import Lti
-from flexslew_control.planners.minimax.motion import MemberFlight, MemberMotion
+from flexslew_control.planners.minimax.motion import MemberMotion
 from flexslew_control.planners.minimax.response import Grid, Indices
+from flexslew_control.planners.residual.closed_loop import ClosedLoopResponse
 from flexslew_control.planners.residual.motors import Matrices, matrices, motor_step
 from flexslew_plant.arrays import Matrix, Tensor, Vector, called, compiled
 from flexslew_plant.testbeds import Model
@@ -123,14 +124,14 @@ class AffinePath:
         return slopes, self.values[ticks, channel] - slopes @ self.about
 
 
-def channels(motion: MemberMotion, model: Model, trajectory: MemberFlight) -> Matrix:
+def channels(motion: MemberMotion, model: Model, trajectory: ClosedLoopResponse) -> Matrix:
     """Return the channels at every tick but the last, (ticks, channels)."""
     read = trajectory.states[:-1] @ motion.outputs(model).T
     tips, along = len(model.appendages.names), motion.along(trajectory.states[:-1])
     return np.hstack((read[:, :tips], trajectory.commands, read[:, tips:], along))
 
 
-def deviation(motion: MemberMotion, model: Model, trajectory: MemberFlight) -> Vector:
+def deviation(motion: MemberMotion, model: Model, trajectory: ClosedLoopResponse) -> Vector:
     """Return how far a flight ends from the rest at the goal, shape (2 k + s,)."""
     return np.concatenate((motion.deviation(model, trajectory.states[-1]), trajectory.motors))
 
@@ -140,34 +141,38 @@ class PathDerivatives(NamedTuple):
 
     path: AffinePath
     states: Tensor  # (ticks + 1, size, weights)
-    flown: MemberFlight
+    flown: ClosedLoopResponse
+
+
+class PathProblem(NamedTuple):
+    """What the paths of all members of a slew share."""
+
+    motion: MemberMotion  # how the members move
+    gains: Matrix  # [Kp Kd], shape (joints, 2 joints)
+    motors: Lti  # from commands to efforts, tick by tick
+    grid: Grid  # the ticks and pieces
+    limited: Sequence[int]  # channels that have limits
 
 
 def affine_path(
-    motion: MemberMotion,
+    problem: PathProblem,
     model: Model,
-    trajectory: MemberFlight,
+    trajectory: ClosedLoopResponse,
     nominal: PathDerivatives | None,
-    gains: Matrix,
-    motors: Lti,
-    grid: Grid,
     weights: Vector,
-    requested: Sequence[int],
 ) -> PathDerivatives:
     """Return the answer of a member about a flight.
 
     Args:
-        motion: how the members move.
+        problem: of all members.
         model: of the member.
         trajectory: its flight.
         nominal: the answer of the nominal member; None: this is the nominal member.
-        gains: [Kp Kd], shape (joints, 2 joints).
-        motors: from commands to efforts, tick by tick.
-        grid: the ticks and pieces.
         weights: of the flight.
-        requested: channels that have limits.
     """
-    f, g = map(np.ascontiguousarray, motion.step_derivatives(model, trajectory, grid.period))
+    motion, gains, motors, grid, requested = problem
+    slopes_of_ticks = trajectory.tick_derivatives(model, grid.period, motion.columns)
+    f, g = map(np.ascontiguousarray, slopes_of_ticks)
     states = np.empty((grid.ticks + 1, trajectory.states.shape[1], grid.size))
     if nominal is None:
         by_member = by_nominal = np.zeros(g.swapaxes(1, 2).shape)

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import solve_sylvester
 
 from flexslew_control.analysis.lti import Lti
-from flexslew_control.zero_order_hold import zero_order_hold
+from flexslew_control.linear.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.testbeds.linearisation import Linearisation
 

@@ -15,9 +15,10 @@ import numpy as np
 
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.planners.minimax.members import Member
-from flexslew_control.planners.minimax.motion import MemberFlight, MemberMotion
+from flexslew_control.planners.minimax.motion import MemberMotion
 from flexslew_control.planners.minimax.nonlinear_path import (
     AffinePath,
+    PathProblem,
     affine_path,
     channels,
     deviation,
@@ -32,6 +33,7 @@ from flexslew_control.planners.minimax.program import (
 )
 from flexslew_control.planners.minimax.response import AtRest, Grid, Indices, Response
 from flexslew_control.planners.minimax.rounds import Goal, solved
+from flexslew_control.planners.residual.closed_loop import ClosedLoopResponse
 from flexslew_control.planners.residual.whole_bench import TIP_FLOOR
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds import Model
@@ -81,9 +83,9 @@ class EnsembleProblem:
         low, high, _ = self.limits.of(tips)
         return [int(c) for c in np.flatnonzero(np.isfinite(low) | np.isfinite(high))]
 
-    def simulate(self, weights: Vector) -> list[MemberFlight]:
+    def simulate(self, weights: Vector) -> list[ClosedLoopResponse]:
         """Return the flights of all members."""
-        efforts, trajectories = self.grid.tick_efforts(weights), list[MemberFlight]()
+        efforts, trajectories = self.grid.tick_efforts(weights), list[ClosedLoopResponse]()
         for i, member in enumerate(self.members):
             path = trajectories[0].states if i else None
             trajectories.append(
@@ -91,19 +93,21 @@ class EnsembleProblem:
             )
         return trajectories
 
-    def responses(self, weights: Vector, trajectories: Sequence[MemberFlight]) -> list[Response]:
+    def responses(
+        self, weights: Vector, trajectories: Sequence[ClosedLoopResponse]
+    ) -> list[Response]:
         """Return the answers of all members about their flights."""
-        fixed = self.gains, self.motors, self.grid, weights, self.limited
-        nominal = affine_path(self.motion, self.members[0].model, trajectories[0], None, *fixed)
+        problem = PathProblem(self.motion, self.gains, self.motors, self.grid, self.limited)
+        nominal = affine_path(problem, self.members[0].model, trajectories[0], None, weights)
         paths = [nominal.path]  # the other members' derivatives of all states are not kept
         for member, trajectory in zip(self.members[1:], trajectories[1:], strict=True):
-            paths.append(affine_path(self.motion, member.model, trajectory, nominal, *fixed).path)
+            paths.append(affine_path(problem, member.model, trajectory, nominal, weights).path)
         return [
             Response(path, rest, self.grid, self.goal)
             for path, rest in zip(paths, self.rests, strict=True)
         ]
 
-    def fixed(self, weights: Vector, trajectories: Sequence[MemberFlight]) -> list[Response]:
+    def fixed(self, weights: Vector, trajectories: Sequence[ClosedLoopResponse]) -> list[Response]:
         """Return what was flown as responses that know no other weights."""
         found = []
         for member, rest, trajectory in zip(self.members, self.rests, trajectories, strict=True):
@@ -114,7 +118,7 @@ class EnsembleProblem:
         return found
 
     def update_values(
-        self, program: ConeProgram, weights: Vector, trajectories: Sequence[MemberFlight]
+        self, program: ConeProgram, weights: Vector, trajectories: Sequence[ClosedLoopResponse]
     ) -> list[Response]:
         """Return responses with the derivatives of a program and the values of other flights."""
         found = []
@@ -130,7 +134,7 @@ class EnsembleProblem:
             found.append(replace(old, path=path))
         return found
 
-    def _read(self, model: Model, trajectory: MemberFlight) -> tuple[Matrix, Vector]:
+    def _read(self, model: Model, trajectory: ClosedLoopResponse) -> tuple[Matrix, Vector]:
         """Return a flight's channels and its deviation at the last tick."""
         return channels(self.motion, model, trajectory), deviation(self.motion, model, trajectory)
 
@@ -184,7 +188,7 @@ def merit_of(
     program: Callable[[Sequence[Response]], ConeProgram],
     ensemble: EnsembleProblem,
     weights: Vector,
-    trajectories: Sequence[MemberFlight],
+    trajectories: Sequence[ClosedLoopResponse],
     price: float,
 ) -> Merit:
     """Return the merit of the flights of all members.

@@ -14,19 +14,23 @@ import numpy as np
 from scipy.linalg import null_space
 
 from flexslew_control.analysis.lti import Lti
-from flexslew_control.free_platform import rate_outputs
-from flexslew_control.planners.minimax.closed_loop import closed_loop, feedback
-from flexslew_control.planners.minimax.motion import MemberFlight
+from flexslew_control.linear.free_platform import rate_outputs
 from flexslew_control.planners.minimax.response import RestMotion
+from flexslew_control.planners.residual.closed_loop import (
+    ClosedLoopResponse,
+    FeedbackNumbers,
+    closed_loop,
+    feedback,
+)
 from flexslew_control.planners.time_optimal.three_axes.path_limits import FREE, PathLimits
 from flexslew_control.planners.time_optimal.three_axes.reorientation import Reorientation
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Model, Testbed
-from flexslew_plant.testbeds.attitude import conjugate, product
 from flexslew_plant.testbeds.contract import CanFloat
 from flexslew_plant.testbeds.linearisation import Linearisation
-from flexslew_plant.testbeds.quaternions import multiply, rotation_vector_of
+from flexslew_plant.testbeds.orientation.attitude import conjugate, product
+from flexslew_plant.testbeds.orientation.quaternions import multiply, rotation_vector_of
 
 _SMALL_ANGLE = 1e-4  # half angle below which a rotation has the slopes of its series [rad]
 _SPRING = 1e-9  # of the largest stiffness: none, but for rounding
@@ -114,31 +118,24 @@ class RotationMotion:
 
     def flight(
         self, model: Model, efforts: Matrix, gains: Matrix, path: Matrix | None, motors: Lti
-    ) -> MemberFlight:
+    ) -> ClosedLoopResponse:
         """Return the flight of a member."""
         start, joints = self._of(model).start, len(self._axes)
         if path is None:
             gains, path = np.zeros_like(gains), np.zeros((len(efforts) + 1, start.size))
         axis_gains = np.hstack((gains[:, :joints] @ self._axes, gains[:, joints:] @ self._axes))
-        return closed_loop(
-            model, start, efforts, _by_rotation, path, axis_gains, self._places, motors
-        )
+        fed_back = FeedbackNumbers(path, axis_gains, self._places)
+        return closed_loop(model, start, efforts, _by_rotation, fed_back, motors)
 
     @property
     def _places(self) -> Indices:
         """Of the quaternion and the body rates, shape (7,)."""
         return np.concatenate(self.platform)
 
-    def step_derivatives(
-        self, model: Model, trajectory: MemberFlight, period: float
-    ) -> tuple[Tensor, Tensor]:
-        """Return the exact ones of the integrator's step."""
-        ticks = len(trajectory.applied)
-        durations, one = np.full(ticks, period), np.ones(ticks, dtype=np.int64)
-        columns = self.nominal.columns
-        return model.slopes_of_pieces(
-            trajectory.states[:-1], trajectory.applied, durations, one, columns
-        )
+    @property
+    def columns(self) -> Indices:
+        """The entries of a state that decide about the turn."""
+        return self.nominal.columns
 
     def feedback_derivatives(
         self, gains: Matrix, states: Matrix, path: Matrix

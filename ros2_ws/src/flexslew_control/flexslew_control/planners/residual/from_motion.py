@@ -3,12 +3,12 @@
 import numpy as np
 
 from flexslew_control.analysis.linear_plant import PlantPath, motors
-from flexslew_control.known_motion import KnownMotion, with_motion
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.residual.motors import matrices
 from flexslew_control.planners.residual.whole_bench import simulate_on_bench
 from flexslew_control.planners.slew import known_motors
+from flexslew_control.plans.known_motion import KnownMotion, with_motion
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Model

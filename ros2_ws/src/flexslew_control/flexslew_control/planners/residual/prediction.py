@@ -1,19 +1,16 @@
 """What a plan promises: its flight on the planner's own model, tick by tick as on the bench."""
 
-from collections.abc import Callable
-from functools import lru_cache
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
+from flexslew_control.controllers.by_joint.pd_feedforward import pd_step
 from flexslew_control.plan import Plan
-from flexslew_control.planners.residual.motors import Matrices, matrices, motor_step
+from flexslew_control.planners.residual.closed_loop import FeedbackNumbers, closed_loop, feedback
 from flexslew_control.planners.slew import Slew
-from flexslew_plant.arrays import Matrix, Vector, compiled, put
+from flexslew_plant.arrays import Indices, Matrix, Vector, called
 from flexslew_plant.testbeds import initial_state
-from flexslew_plant.testbeds.compiled.bound import ADVANCE
 
 MIN_MONITOR_TIME = 40.0  # after the end of the plan, at least [s]
 MAX_MONITOR_TICKS = 20_000  # ticks, where they are longer than that
@@ -21,6 +18,7 @@ _PERIODS = 1.25  # of the slowest swing, in which softer models show their large
 _POLE_SINE = 0.1  # sine of the least angle of a pole from the real axis that swings
 _ALLOWED, _TIP_FLOOR = 0.1, 1e-5  # more than from rest, of that [-] and beyond it [m]
 _RIGID = 1e-7  # of the fastest pole: slower ones are zero but for rounding
+_pd_step = called(pd_step)
 
 
 class Prediction(NamedTuple):
@@ -64,30 +62,22 @@ def predicted(plan: Plan, slew: Slew, in_motion: bool = False) -> Prediction:
     if in_motion:
         model, before = slew.testbed.model(), plan.first_tick
         start = initial_state(slew.testbed)
-    closed_loop = model.linearise(model.rest(slew.named(slew.goal))).with_feedback(slew.kp, slew.kd)
-    after = int(np.ceil(monitor_time(closed_loop.eigenvalues, plan.period) / plan.period))
+    at_goal = model.linearise(model.rest(slew.named(slew.goal))).with_feedback(slew.kp, slew.kd)
+    after = int(np.ceil(monitor_time(at_goal.eigenvalues, plan.period) / plan.period))
     last = int(np.ceil(plan.duration / plan.period - 1e-9))
 
     def extend(rows: Matrix, end: Vector, begin: Vector) -> Matrix:
         return np.vstack((np.tile(begin, (before, 1)), rows, np.tile(end, (after, 1))))
 
-    rest = np.zeros(model.joints)
-    path = _kernel()(
-        model.integrate,
-        model.packed,
-        start,
-        extend(plan.position[:-1], plan.position[-1], plan.position[0]),
-        extend(plan.velocity[:-1], rest, rest),
-        extend(plan.effort, rest, rest),
-        slew.kp,
-        slew.kd,
-        slew.effort_limit,
-        matrices(slew.motors(plan.period)),
-        plan.period,
-        slew.steps,
-        model.coordinates,
-        model.before_modes,
+    rest, joints = np.zeros(model.joints), np.arange(model.joints)
+    position = extend(plan.position[:-1], plan.position[-1], plan.position[0])
+    numbers = FeedbackNumbers(
+        np.hstack((position, extend(plan.velocity[:-1], rest, rest))),
+        np.stack((slew.kp, slew.kd, slew.effort_limit)),
+        np.concatenate((joints, model.coordinates + joints)),
     )
+    effort, motors = extend(plan.effort, rest, rest), slew.motors(plan.period)
+    path = closed_loop(model, start, effort, _limited_feedback, numbers, motors, slew.steps).states
     last += before
     tips = np.abs(path[:, model.joints : model.coordinates] @ model.appendages.tip.T)
     errors = np.abs(path[last:, : model.joints] - plan.position[-1])
@@ -107,45 +97,21 @@ def motion_warning(from_rest: Prediction, in_motion: Prediction) -> str:
     )
 
 
-@lru_cache
-def _kernel() -> Callable[..., Matrix]:
-    """Return _flown as machine code, the same for all testbeds."""
-    vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
-    kernel: Any = compiled(_simulate)
-    sizes = types.float64, types.int64, types.int64, types.int64
-    rows = *(matrix,) * 3, *(vector,) * 3, types.UniTuple(matrix, 4)
-    kernel.compile(matrix(ADVANCE, vector, vector, *rows, *sizes))
-    kernel.disable_compile()  # never for the type of one testbed's function
-    return cast(Callable[..., Matrix], kernel)
+@feedback
+def _limited_feedback(
+    x: Vector, reference: Vector, numbers: Matrix, places: Indices, effort: Vector
+) -> None:
+    """Add the feedback of pd_step joint by joint, and limit the sum.
 
-
-def _simulate(
-    integrate: Callable[..., None],
-    p: Vector,
-    start: Vector,
-    position: Matrix,
-    velocity: Matrix,
-    effort: Matrix,
-    kp: Vector,
-    kd: Vector,
-    limit: Vector,
-    motors: Matrices,
-    period: float,
-    steps: int,
-    n: int,
-    before_modes: int,
-) -> Matrix:
-    """Return the states at the ticks, shape (ticks + 1, 2 n), for a testbed with q' = v."""
-    ticks, m = effort.shape
-    path, x, u = np.empty((ticks + 1, start.size)), start.copy(), np.empty(m)
-    z = np.zeros(len(motors[0]))
-    put(x, path[0])
-    for k in range(ticks):
-        for j in range(m):
-            u[j] = effort[k, j] + kp[j] * (position[k, j] - x[j])
-            u[j] += kd[j] * (velocity[k, j] - x[n + j])
-            u[j] = min(max(u[j], -limit[j]), limit[j])
-        motor_step(motors, z, u)
-        integrate(p, k * period, u, period, steps, before_modes, x)
-        put(x, path[k + 1])
-    return path
+    Args:
+        x: state.
+        reference: [r, r'], shape (2 joints,).
+        numbers: Kp, Kd and the limits, shape (3, joints).
+        places: indices of y and of y' in a state.
+        effort: feedforward; the demand on the drives afterwards, shape (joints,) [N m or N].
+    """
+    m = effort.size
+    for j in range(m):
+        error, rate_error = reference[j] - x[places[j]], reference[m + j] - x[places[m + j]]
+        demand, _, _ = _pd_step(numbers[0, j], numbers[1, j], effort[j], error, rate_error)
+        effort[j] = min(max(demand, -numbers[2, j]), numbers[2, j])

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_control.controllers import PD_FEEDFORWARD, build_controller
-from flexslew_control.known_motion import ATTITUDE_ERROR, PREDICTED
 from flexslew_control.law import ActiveLaw, PlantDescription, per_joint
 from flexslew_control.plan import Plan, with_warning
 from flexslew_control.planners.residual.motors import Matrices, at_once, motor_step
@@ -21,6 +20,7 @@ from flexslew_control.planners.residual.prediction import (
     Prediction,
 )
 from flexslew_control.planners.slew import Feedback, Slew
+from flexslew_control.plans.known_motion import ATTITUDE_ERROR, PREDICTED
 from flexslew_plant.arrays import Vector, read_only
 from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.sensors import Sensors, SensorSettings, exact_readings

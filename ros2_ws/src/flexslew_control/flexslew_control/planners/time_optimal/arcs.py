@@ -18,11 +18,13 @@ from typing import Any, NamedTuple, TypeAlias, cast
 import numpy as np
 from numba import types
 
-from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled
+from flexslew_control.controllers.by_joint.pd_feedforward import pd_step
+from flexslew_plant.arrays import Matrix, Tensor, Vector, called, compiled
 from flexslew_plant.testbeds.compiled import dynamics
 from flexslew_plant.testbeds.compiled.bound import JACOBIAN, RATES, Rates
-from flexslew_plant.testbeds.compiled.dynamics import STAGE_WEIGHTS, STAGES, STEP_WEIGHTS
+from flexslew_plant.testbeds.compiled.dynamics import STAGES
 
+_pd_step = called(pd_step)
 _VECTOR = types.Array(types.float64, 1, "C")
 _MATRIX = types.Array(types.float64, 2, "C")
 _COPIES = types.Tuple((_MATRIX, _VECTOR, _VECTOR))
@@ -127,7 +129,8 @@ def _applied(copies: _Copies, z: Vector, effort: Vector, copy: int, applied: Vec
     rows = z.size // packed.shape[0]
     n, x = rows // 2, z[copy * rows : (copy + 1) * rows]
     for j in range(effort.size):
-        applied[j] = effort[j] + kp[j] * (z[j] - x[j]) + kd[j] * (z[n + j] - x[n + j])
+        error, rate_error = z[j] - x[j], z[n + j] - x[n + j]
+        applied[j], _, _ = _pd_step(kp[j], kd[j], effort[j], error, rate_error)
     return x
 
 
@@ -153,10 +156,10 @@ def _jacobians(
 
 
 @compiled
-def _tangent(dx: Tensor, du: Tensor, copies: _Copies, s: Matrix, columns: int, out: Matrix) -> None:
-    """Write (df/dz) s of _rates, for the first columns of s alone."""
+def _tangent(dx: Tensor, du: Tensor, copies: _Copies, s: Matrix, out: Matrix) -> None:
+    """Write (df/dz) s of _rates."""
     _, kp, kd = copies
-    models, rows, m = du.shape
+    (models, rows, m), columns = du.shape, s.shape[1]
     n = rows // 2
     for c in range(models):
         first = c * rows
@@ -204,21 +207,6 @@ def _cotangent(
                 out[first + n + j] -= kd[j] * product
 
 
-@compiled
-def _advance_slopes(
-    s: Matrix, rates: Tensor, weights: Vector, h: float, columns: int, out: Matrix
-) -> None:
-    """Write s + h (weights of the stages) rates, for the first columns alone."""
-    for i in range(s.shape[0]):
-        for k in range(columns):
-            out[i, k] = s[i, k]
-        for j in range(STAGES):
-            weight = h * weights[j]
-            if weight != 0.0:
-                for k in range(columns):
-                    out[i, k] += weight * rates[j, i, k]
-
-
 def _simulate(
     rate_of: _RateOf,
     jacobian_of: _JacobianOf,
@@ -230,32 +218,32 @@ def _simulate(
     s: Matrix,
 ) -> tuple[Vector, Matrix]:
     """Return the states after all arcs, flat, and s: with columns in it, dz_f/dd."""
-    models, rows, columns = copies[0].shape[0], start.size, s.shape[1]
-    z = np.empty(models * rows)
-    for k in range(z.size):
+    models, rows, size = copies[0].shape[0], start.size, copies[0].shape[0] * start.size
+    z = np.empty(size)
+    for k in range(size):
         z[k] = start[k % rows]
     dx, du = np.empty((models, rows, rows)), np.empty((models, rows, efforts.shape[1]))
-    slopes, at = np.empty((STAGES, z.size)), np.empty(z.size)
-    s_at, s_slopes = np.zeros(s.shape), np.zeros((STAGES, z.size, columns))
     for arc in range(durations.size):
-        before = min(arc, columns)  # arcs that the state depends on so far
+        before = min(arc, s.shape[1])  # arcs that the state depends on so far
+        width = size * (1 + before)
+        y, at, slopes = np.empty(width), np.empty(width), np.empty((STAGES, width))
+        by_arc, by_arc_at = y[size:].reshape((size, before)), at[size:].reshape((size, before))
+        y[:size], by_arc[:] = z, s[:, :before]
         steps = max(1, int(np.ceil(abs(durations[arc]) / step)))
         h = durations[arc] / steps
         for _ in range(steps):
             for stage in range(STAGES):
-                dynamics.stage_state(z, slopes, stage, h, at)
-                _rates(rate_of, copies, at, efforts[arc], slopes[stage])
-                if before == 0:
-                    continue
-                _jacobians(jacobian_of, copies, at, efforts[arc], dx, du)
-                _advance_slopes(s, s_slopes, STAGE_WEIGHTS[stage], h, before, s_at)
-                _tangent(dx, du, copies, s_at, before, s_slopes[stage])
-            dynamics.complete_step(z, slopes, h)
-            _advance_slopes(s, s_slopes, STEP_WEIGHTS, h, before, s)
-        if columns:
-            _rates(rate_of, copies, z, efforts[arc], at)
-            for i in range(z.size):
-                s[i, arc] = at[i]
+                dynamics.stage_state(y, slopes, stage, h, at)
+                _rates(rate_of, copies, at[:size], efforts[arc], slopes[stage, :size])
+                if before:
+                    _jacobians(jacobian_of, copies, at[:size], efforts[arc], dx, du)
+                    rate = slopes[stage, size:].reshape((size, before))
+                    _tangent(dx, du, copies, by_arc_at, rate)
+            dynamics.complete_step(y, slopes, h)
+        z[:], s[:, :before] = y[:size], by_arc
+        if s.shape[1]:
+            _rates(rate_of, copies, z, efforts[arc], at[:size])
+            s[:, arc] = at[:size]
     return z, s
 
 

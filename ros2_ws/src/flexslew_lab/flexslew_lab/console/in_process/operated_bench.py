@@ -126,6 +126,7 @@ class OperatedBench:
             raise
         finally:
             sys.setswitchinterval(interval)
+            self._bench.close()
             self._send()
             self.plans.close()
             self.now = self._state()

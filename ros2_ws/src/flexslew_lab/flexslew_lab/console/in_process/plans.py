@@ -8,13 +8,13 @@ import numpy as np
 
 from flexslew_control.active_laws import ActiveLaws, describe_plan_law
 from flexslew_control.controllers.host import ControllerHost
-from flexslew_control.known_motion import KnownMotion
-from flexslew_control.message_fields import plan_fields
+from flexslew_control.message_fields import in_flight, plan_fields
 from flexslew_control.plan import Plan
 from flexslew_control.plan_service.job import BUSY, Client, PlanJob, motion_request
+from flexslew_control.plan_service.planning import Iteration, MotionRequest, PlanRequest
 from flexslew_control.plan_service.release import PlanRelease, decided
-from flexslew_control.planned_course import PlanResponse
-from flexslew_control.planning import Iteration, MotionRequest, PlanRequest
+from flexslew_control.plans.known_motion import KnownMotion
+from flexslew_control.plans.planned_course import PlanResponse
 from flexslew_lab.console.link import DRAFTED, Iterate, PlanCallback, RequestResult, plan_outcome
 from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_plant.bench.operation.run_state import RUNNING
@@ -22,7 +22,7 @@ from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.events import Event
 from flexslew_plant.own_code import Trust
 from flexslew_plant.refusal import Refusal, Reply
-from flexslew_plant.testbeds.attitude import AttitudeJoints
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints
 
 
 class LocalPlans:
@@ -86,19 +86,19 @@ class LocalPlans:
         """Return how much simulated time passes in a wall time at least as at real time [s]."""
         return wait * max(1.0, self._session.tick_timer.rate_factor)
 
-    def message(self, plan: Plan, now: float) -> Any:
-        """Return a plan as a flexslew_msgs/Plan with a stamp [s]."""
-        return self._observer.message("/plan", now, **plan_fields(plan, self.attitude))
+    def message(self, plan: Plan, now: float, epoch: int) -> Any:
+        """Return a plan as a flexslew_msgs/Plan with a stamp [s] and the number of resets."""
+        fields = plan_fields(plan, self.attitude)
+        return self._observer.message("/plan", now, **fields, epoch=epoch)
 
     def offer(self, plan: Plan, message: Any) -> None:
         """Let the controllers follow a plan."""
         self.told = plan
         self._observer.plan(message)
         for host in self._hosts:
-            in_flight = bool(message.stamp.sec or message.stamp.nanosec)
-            if (reason := host.adopt(plan, in_flight)) is not None:
+            if (reason := host.adopt(plan, in_flight(message), message.epoch)) is not None:
                 self._refused[host.name, message.hash] = str(reason)
-                self._tell(host.plan_refused(message.hash))
+                self._tell(host.plan_refused(message.hash, reason))
 
     def clear(self) -> None:
         """Forget the newest plan."""

@@ -17,13 +17,13 @@ from flexslew_lab.console.forms import Form, keys_of, moment, set_options
 from flexslew_lab.console.history import Curve
 from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.shaking import LEAST, progress, record_so_far, response_so_far
-from flexslew_lab.identification.frequency_response import FrequencyResponse
-from flexslew_lab.identification.modal_fit import modal_response
+from flexslew_lab.identification.modal.modal_fit import modal_response
+from flexslew_lab.identification.modal.modes import ModalModel, identify_modes
+from flexslew_lab.identification.modal.parameter_groups import groups_of
 from flexslew_lab.identification.model_file import file_text, testbed_of, write_model
-from flexslew_lab.identification.modes import ModalModel, identify_modes
 from flexslew_lab.identification.page import format_interval, per_effort
-from flexslew_lab.identification.parameter_groups import groups_of
-from flexslew_lab.identification.record import Record
+from flexslew_lab.identification.records.record import Record
+from flexslew_lab.identification.responses.frequency_response import FrequencyResponse
 from flexslew_plant.counted import count_text
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_control.known_motion import ATTITUDE_ERROR, PREDICTED
 from flexslew_control.planners import OPTIMIZED, PLANNERS, plan_settings
+from flexslew_control.plans.known_motion import ATTITUDE_ERROR, PREDICTED
 from flexslew_lab.console.charting import TIME, ChartData, chart_update, options
 from flexslew_lab.console.desk import PanelContext, ReplyLine, line
 from flexslew_lab.console.forms import Form, FormKey, moment, number_of, text_of

@@ -4,9 +4,17 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from flexslew_lab.log.checks.finding import Finding
 from flexslew_plant.counted import count_text
-from flexslew_plant.events import Event, RunFinished, RunStopped, Started, StateLost, WasReset
+from flexslew_plant.events import (
+    Event,
+    PlantLost,
+    RunFinished,
+    RunStopped,
+    Started,
+    StateLost,
+    WasReset,
+)
 
-_ENDS = (RunFinished, RunStopped, StateLost)
+_ENDS = (RunFinished, RunStopped, StateLost, PlantLost)
 
 
 def check_ends(

@@ -7,16 +7,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_control.controllers.controller import Controller
-from flexslew_control.law import Reference
-from flexslew_control.linear_form import (
+from flexslew_control.controllers.linear_form import (
     KalmanForm,
     LinearForm,
     LinearObserver,
     OnModelForm,
     SmallMotionForm,
 )
+from flexslew_control.law import Reference
 from flexslew_control.plan import Plan
-from flexslew_control.plan_file import plan_hash
+from flexslew_control.plans.plan_file import plan_hash
 from flexslew_lab.metrics.metric import ReferenceManoeuvre
 from flexslew_lab.studies.batch.batch_metrics import BatchMetrics, needs_truth
 from flexslew_lab.studies.batch.benches.batch_faults import is_supported
@@ -38,7 +38,7 @@ from flexslew_lab.studies.batch.inputs import (
     target_of,
 )
 from flexslew_lab.studies.batch.laws.watch import Watch, watch_of
-from flexslew_lab.studies.batch.legs import BatchFlight, LawSegment
+from flexslew_lab.studies.batch.legs import BatchFlight, FlightMode, LawSegment
 from flexslew_lab.studies.batch.loop import Schedule
 from flexslew_lab.studies.batch.recorded import TICKS, RecordedMetrics, stamp_columns
 from flexslew_lab.studies.batch.tolerance import TOLERANCE, relative_difference
@@ -54,7 +54,7 @@ from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
 from flexslew_plant.testbeds.model import Model
 
 _OFFSET = 1e-14  # beginning of a twin: above the rounding of a tick, far below any metric
-_FAR = 1e6  # a state beyond it is for the ordinary bench to judge
+FAR = 1e6  # a state beyond it is for the ordinary bench to judge
 _KEPT = 32  # laws on a plan that are kept
 _MAX_SIZE = 40_000_000  # for the numbers of their observers
 _REASONS = {1.0: Way.EDGE, SENSOR_ERROR: Way.MONITORED}
@@ -82,14 +82,48 @@ class _Prepared(NamedTuple):
     target: Vector  # rows `tip` and `goal`, then the displacement
     goal: ReferenceManoeuvre
     kind: Hashable  # laws for which it is equal may fly side by side
+    references: list[Reference]  # of every tick
 
 
-class _Ready(NamedTuple):
+class ReadyTrial(NamedTuple):
     """A trial that may fly in a batch, with its law and its gains: kp, ki and kd."""
 
     member: BatchTrial
     law: _Prepared
     gains: Vector
+
+    @property
+    def group(self) -> Hashable:
+        """What is equal for trials that may fly side by side."""
+        return self.member.together, self.law.kind
+
+    @property
+    def recorded(self) -> bool:
+        """Whether the truth of its flight is recorded for its metrics."""
+        return needs_truth(self.member.trial) and not self.member.happens.charge.failure
+
+
+def batch_flight(
+    ready: Sequence[ReadyTrial], offset: float = 0.0, stepped: bool = False
+) -> BatchFlight:
+    """Return the flight of a group.
+
+    Args:
+        ready: its trials, at most BATCH_WIDTH, which may fly side by side.
+        offset: added to all states in which they begin.
+        stepped: see FlightMode.
+    """
+    prepared, last = ready[0].law, ready[-1]  # which fills up
+    all_members = [*ready, *(last for _ in range(BATCH_WIDTH - len(ready)))]
+    return BatchFlight(
+        [one.member for one in all_members],
+        [one.law.segments for one in all_members],
+        np.array([one.gains for one in all_members]),
+        prepared.schedule,
+        prepared.target,
+        len(ready),
+        FlightMode(ready[0].recorded, offset, stepped),
+    )
 
 
 class _SideBySide(NamedTuple):
@@ -102,7 +136,7 @@ class _SideBySide(NamedTuple):
 
     def way(self, member: int) -> Way:
         """Return BATCH, or why the bench has to fly this member's trial."""
-        if not self.far[member] < _FAR:
+        if not self.far[member] < FAR:
             return Way.FAR
         return _REASONS.get(self.doubt[member], Way.BATCH)
 
@@ -138,13 +172,13 @@ class BatchRunner:
 
     def fly(self, cases: Sequence[Case]) -> Iterator[tuple[list[FlightResult], list[ForBench]]]:
         """Yield results, and cases that have to be flown one by one."""
-        groups: dict[Hashable, list[_Ready]] = {}
+        groups: dict[Hashable, list[ReadyTrial]] = {}
         others = []
-        for case, ready in self._all_ready(cases):
+        for case, ready in self.all_ready(cases):
             if isinstance(ready, Way):
                 others.append(ForBench(case, ready))
                 continue
-            key = ready.member.together, ready.law.kind
+            key = ready.group
             group = groups.setdefault(key, [])
             group.append(ready)
             if len(group) == BATCH_WIDTH:
@@ -154,14 +188,14 @@ class BatchRunner:
         if others:
             yield [], others
 
-    def _all_ready(self, cases: Sequence[Case]) -> Iterator[tuple[Case, _Ready | Way]]:
+    def all_ready(self, cases: Sequence[Case]) -> Iterator[tuple[Case, ReadyTrial | Way]]:
         """Yield cases that are ready to fly, a group's worth looked at together."""
         for first in range(0, len(cases), BATCH_WIDTH):
             some = cases[first : first + BATCH_WIDTH]
             for case, member in zip(some, self._trial_source.batch_trials(some), strict=True):
                 yield case, self._ready(member)
 
-    def _ready(self, member: BatchTrial | Way) -> _Ready | Way:
+    def _ready(self, member: BatchTrial | Way) -> ReadyTrial | Way:
         """Return a trial with its law and gains; a way where only the bench can fly it."""
         if isinstance(member, Way):
             return member
@@ -171,9 +205,11 @@ class BatchRunner:
         if isinstance(law, Way):
             return law
         gains = self._gains_of(member, law)
-        return gains if isinstance(gains, Way) else _Ready(member, law, gains)
+        return gains if isinstance(gains, Way) else ReadyTrial(member, law, gains)
 
-    def _simulate_group(self, ready: Sequence[_Ready]) -> tuple[list[FlightResult], list[ForBench]]:
+    def _simulate_group(
+        self, ready: Sequence[ReadyTrial]
+    ) -> tuple[list[FlightResult], list[ForBench]]:
         found, results, lost = self._side_by_side(ready), list[FlightResult](), list[ForBench]()
         # between quanta a loop is cut: what differs by rounding may grow there
         second_run = self._side_by_side(ready, _OFFSET) if found.quantised else None
@@ -190,7 +226,7 @@ class BatchRunner:
                 results.append(FlightResult(case.number, metrics, None, *outcome, Way.BATCH))
         return results, lost
 
-    def _side_by_side(self, ready: Sequence[_Ready], offset: float = 0.0) -> _SideBySide:
+    def _side_by_side(self, ready: Sequence[ReadyTrial], offset: float = 0.0) -> _SideBySide:
         """Fly a group.
 
         Args:
@@ -198,19 +234,8 @@ class BatchRunner:
             offset: added to all states in which they begin.
         """
         group, prepared = [one.member for one in ready], ready[0].law
-        first, last = group[0], ready[-1]  # which fills up
-        all_members = [*ready, *(last for _ in range(BATCH_WIDTH - len(ready)))]
-        recorded = needs_truth(first.trial) and not first.happens.charge.failure
-        flight = BatchFlight(
-            [one.member for one in all_members],
-            [one.law.segments for one in all_members],
-            np.array([one.gains for one in all_members]),
-            prepared.schedule,
-            prepared.target,
-            len(group),
-            recorded,
-            offset,
-        )
+        first, recorded = group[0], ready[0].recorded
+        flight = batch_flight(ready, offset)
         states = first.model.positions + first.model.coordinates
         start = flight.w[: first.model.joints * BATCH_WIDTH].reshape(-1, BATCH_WIDTH).copy()
         measured: Callable[[int], dict[str, float | None] | None]
@@ -325,7 +350,8 @@ class BatchRunner:
         separate = plan is None and member.model.attitude is None  # each may hold its own position
         reference_key = len(reference.references) if separate else self._last_reference[0]
         kind = kinds, reference_key, target.tobytes()
-        return _Prepared(tuple(segments), schedule_of(reference), target, goal, kind)
+        schedule = schedule_of(reference)
+        return _Prepared(tuple(segments), schedule, target, goal, kind, reference.references)
 
 
 def _size(prepared: _Prepared | Way) -> int:
@@ -395,8 +421,5 @@ def _way_of_form(form: LinearForm, model: Model) -> Way:
     """Return BATCH where the law reads what batches measure: joints, and tips moved by modes."""
     if isinstance(form.observer, KalmanForm) and model.leading is not None:
         return Way.ATTITUDE  # its joints are no coordinates
-    sensors = model.appendages
     tips = form.shared is None and form.law.from_output.shape[-1] > 2 * model.joints
-    exact = sensors.errors is None or not sensors.errors.any()
-    known = not tips or (sensors.exact_reading is None and sensors.body is None and exact)
-    return Way.BATCH if known else Way.TIPS
+    return Way.BATCH if not tips or model.appendages.all_tips else Way.TIPS

@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_control.linear_form import LawForm, LinearForm
+from flexslew_control.controllers.linear_form import LawForm, LinearForm
 from flexslew_lab.metrics.settling import goal_displacement, settling_band
 from flexslew_lab.studies.batch.benches.batch_friction import motion_of
 from flexslew_lab.studies.batch.benches.judge import sensor_check_of
 from flexslew_lab.studies.batch.benches.pushed import forces_of
-from flexslew_lab.studies.batch.benches.senses import filter_of, sensors_of
+from flexslew_lab.studies.batch.benches.senses import SensorBatch, filter_of, sensors_of
 from flexslew_lab.studies.batch.groups.batch_laws import batch_laws, outputs_of
 from flexslew_lab.studies.batch.groups.batch_trial import BatchTrial
 from flexslew_lab.studies.batch.groups.rows import Rows, Sizes, rows_of
@@ -31,6 +31,7 @@ from flexslew_lab.studies.batch.laws.efforts import FlightNumbers, LawTerms
 from flexslew_lab.studies.batch.laws.turned import rotation_joints_of
 from flexslew_lab.studies.batch.laws.watch import Watch
 from flexslew_lab.studies.batch.loop import Schedule, batch_loop
+from flexslew_lab.studies.batch.stepped_loop import external_demand, step_loop
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.testbeds import initial_states
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH, flat_zeros
@@ -51,6 +52,14 @@ class LawSegment(NamedTuple):
     watch: Watch | None  # what its monitor allows; None: it has none
 
 
+class FlightMode(NamedTuple):
+    """How a group is flown."""
+
+    recorded: bool  # whether the truth is recorded, see batch_loop
+    displacement: float = 0.0  # added to all states in which the trials begin
+    stepped: bool = False  # tick by tick, with actions from outside, see BatchFlight.parts
+
+
 class BatchFlight:
     """Trials side by side, from tick 0 on.
 
@@ -61,8 +70,7 @@ class BatchFlight:
         schedule: what is the same in every member.
         target: rows `tip` and `goal`, then the displacement of the plan.
         filled: how many trials there are; the others only fill up.
-        recorded: whether the truth is, see batch_loop.
-        displacement: added to all states in which the trials begin.
+        mode: how it is flown.
     """
 
     def __init__(
@@ -73,11 +81,11 @@ class BatchFlight:
         schedule: Schedule,
         target: Vector,
         filled: int,
-        recorded: bool,
-        displacement: float = 0.0,
+        mode: FlightMode,
     ) -> None:
+        self._mode, self.feedforward = mode, _NONE
         self._members, self._segments, self._schedule = list(members), segments[0], schedule
-        self._filled, self._recorded = filled, recorded
+        self._filled = filled
         first, model = members[0], members[0].model
         laws = [batch_laws([of[k].form for of in segments]) for k in range(len(segments[0]))]
         names = [segment.controller for segment in self._segments]
@@ -110,7 +118,7 @@ class BatchFlight:
         self._next = 0  # leg
         self._sizes = self._segment_sizes()
         self.rows = rows_of(first.kernel.size, self._sizes[0])
-        self.w = self._at_rest(target, displacement)
+        self.w = self._at_rest(target, mode.displacement)
         self._begin(gains)
 
     def fallback_codes(self) -> Vector:
@@ -118,6 +126,17 @@ class BatchFlight:
         if not self._sizes[0].doubtful:
             return np.zeros(BATCH_WIDTH)
         return self.w[self.rows.doubt : self.rows.doubt + BATCH_WIDTH]
+
+    @property
+    def parts(self) -> tuple[Any, ...]:
+        """What step_loop gave for a flight that is stepped, then flight, w, z and memory."""
+        loop: Any = self._loop
+        return (loop.func, *loop.args)
+
+    @property
+    def instruments(self) -> SensorBatch | None:
+        """The instruments; None: there are none, or no law reads them."""
+        return self._instruments
 
     @property
     def quantised(self) -> bool:
@@ -179,7 +198,10 @@ class BatchFlight:
                 segment.form.shared.velocity,
             )
         numbers = numbers_of(law, position, velocity, since, segment.transition_ticks)
-        loop = batch_loop(
+        if self._mode.stepped:
+            self.feedforward = numbers.demand
+            numbers = numbers._replace(demand=external_demand(*numbers.demand.shape[:2]))
+        loop = (step_loop if self._mode.stepped else batch_loop)(
             first.kernel,
             sizes,
             LawTerms.of(numbers),
@@ -236,7 +258,7 @@ class BatchFlight:
                 self._disturbances.faults is not None,
                 self._disturbances.disturbance.shape[2] > 1,
                 wheel_rates,
-                self._recorded,
+                self._mode.recorded,
                 model.attitude is not None,
                 self._instruments is not None,
             )

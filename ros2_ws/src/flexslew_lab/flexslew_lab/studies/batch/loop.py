@@ -11,7 +11,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_lab.metrics.efforts import saturation_excess
+from flexslew_lab.metrics.efforts import saturation_excess, squared_effort
+from flexslew_lab.metrics.settling import band_excess, goal_excess
 from flexslew_lab.studies.batch.benches.batch_faults import setting_in
 from flexslew_lab.studies.batch.benches.judge import sensor_check_step
 from flexslew_lab.studies.batch.benches.readings import sensor_readings, tip_deflection
@@ -24,7 +25,8 @@ from flexslew_lab.studies.batch.laws.watch import innovation_monitor
 from flexslew_plant.arrays import Matrix, Tensor, Vector, called, vectorised
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH, BatchKernel, KernelRows
 
-_beyond_limit = called(saturation_excess)
+_saturation_excess, _squared_effort = called(saturation_excess), called(squared_effort)
+_goal_excess, _band_excess = called(goal_excess), called(band_excess)
 
 
 class Schedule(NamedTuple):
@@ -38,6 +40,57 @@ class Schedule(NamedTuple):
 
 
 Loop = Callable[..., None]
+
+
+class LoopParts(NamedTuple):
+    """The steps of a tick that are made for the sizes of a group, in the order of a loop."""
+
+    read_joints: Callable[..., None]  # (filled, w)
+    metrics: Callable[..., None]  # (k, first, schedule, record, w)
+    read: Callable[..., None]  # (k, noise, w)
+    set_in: Callable[..., None]  # (k, faults, w, filled)
+    compare: Callable[..., None]  # (k, dt, sensor check, w)
+    read_instruments: Callable[..., None]  # (k, instruments, draws, reference, faults, w, filled)
+    replace_positions: Callable[..., None]  # (w, rotation joints, reference, filled)
+    watch: Callable[..., None]  # (k, monitor, z, memory, w)
+    efforts: Callable[..., None]  # (k, t, flight, z, w)
+
+
+def loop_parts(
+    kernel: BatchKernel, sizes: Sizes, terms: LawTerms, filtered: Filter | None
+) -> LoopParts:
+    """Return the steps of a tick; see batch_loop for the arguments."""
+    rows, of_kernel = rows_of(kernel.size, sizes), kernel.rows
+    turns = sizes.reads_attitude and filtered is None
+    return LoopParts(
+        kernel.read,
+        (_recorded if sizes.recorded else _measure)(of_kernel, rows, sizes),
+        sensor_readings(of_kernel, rows, sizes),
+        setting_in(rows, sizes),
+        sensor_check_step(rows, sizes),
+        instrument_step(rows, sizes, filtered),
+        relative_to_reference(sizes.joints, rows.reading, turns),
+        innovation_monitor(rows, sizes),
+        efforts_of(of_kernel.effort, rows, sizes, terms),
+    )
+
+
+def batch_signals(kernel: BatchKernel, sizes: Sizes) -> Callable[[Vector], BatchSignals]:
+    """Return what gives the views of the flat array that an observer reads."""
+    rows = rows_of(kernel.size, sizes)
+    read, joints = sizes.outputs * BATCH_WIDTH, sizes.joints * BATCH_WIDTH
+    reading, previous, effort, demand = rows.reading, rows.previous, rows.applied, rows.own
+
+    @vectorised
+    def signals(w: Vector) -> BatchSignals:
+        return BatchSignals(
+            w[reading : reading + read],
+            w[previous : previous + read],
+            w[effort : effort + joints],
+            w[demand : demand + joints],
+        )
+
+    return cast(Callable[[Vector], BatchSignals], signals)
 
 
 @lru_cache
@@ -67,16 +120,10 @@ def batch_loop(
         move: what takes the testbed one tick on; see batch_friction.motion_of.
         filtered: the filters that estimate the joints; None: there are none.
     """
-    m, ny = sizes.joints, sizes.outputs
-    rows, of_kernel = rows_of(kernel.size, sizes), kernel.rows
-    efforts = efforts_of(of_kernel.effort, rows, sizes, terms)
-    metrics = (_recorded if sizes.recorded else _measure)(of_kernel, rows, sizes)
-    read_joints, read = kernel.read, sensor_readings(of_kernel, rows, sizes)
-    reading, previous, effort, member_demand = rows.reading, rows.previous, rows.applied, rows.own
-    replace_positions = relative_to_reference(m, reading, sizes.reads_attitude and filtered is None)
-    compare, watch = sensor_check_step(rows, sizes), innovation_monitor(rows, sizes)
-    set_in, read_instruments = setting_in(rows, sizes), instrument_step(rows, sizes, filtered)
-    has_instruments = sizes.has_instruments
+    parts = loop_parts(kernel, sizes, terms, filtered)
+    read_joints, metrics, read, set_in, compare = parts[:5]
+    read_instruments, replace_positions, watch, efforts = parts[5:]
+    signals_of, has_instruments = batch_signals(kernel, sizes), sizes.has_instruments
 
     @vectorised
     def loop(
@@ -91,12 +138,7 @@ def batch_loop(
     ) -> None:
         dt, _, filled, schedule, disturbances = flight[:5]
         ticks = schedule.position.shape[0]
-        signals = BatchSignals(
-            w[reading : reading + ny * BATCH_WIDTH],
-            w[previous : previous + ny * BATCH_WIDTH],
-            w[effort : effort + m * BATCH_WIDTH],
-            w[member_demand : member_demand + m * BATCH_WIDTH],
-        )
+        signals = signals_of(w)
         for k in range(first, last):
             read_joints(filled, w)
             metrics(k, first, schedule, record, w)
@@ -192,11 +234,13 @@ def _measure(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., N
                 at = i * BATCH_WIDTH + member
                 error, push = w[position + at] - w[goal + at], abs(w[effort + at])
                 w[residual + at] = max(w[residual + at], abs(error) + over)
-                w[overshoot + at] = max(w[overshoot + at], error * w[sign + at] + started)
-                w[outside + at] = time if abs(error) > w[band + at] else w[outside + at]
+                excess = _goal_excess(error, w[sign + at])
+                w[overshoot + at] = max(w[overshoot + at], excess + started)
+                is_outside = _band_excess(error, w[band + at]) > 0.0
+                w[outside + at] = time if is_outside else w[outside + at]
                 w[peak_effort + at] = max(w[peak_effort + at], push)
-                w[square_sum + at] += hold_time * push * push
-                most = _beyond_limit(push, w[limit + at]) >= 0.0
+                w[square_sum + at] += _squared_effort(push, hold_time)
+                most = _saturation_excess(push, w[limit + at]) >= 0.0
                 w[saturated + member] += hold_time if most and w[full + member] < time else 0.0
                 w[full + member] = time if most else w[full + member]
 

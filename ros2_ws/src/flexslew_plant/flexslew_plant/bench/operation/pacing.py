@@ -4,6 +4,7 @@ from math import inf
 
 REPEAT_AFTER = 0.1  # an unanswered question is repeated [wall s]
 FINAL_TIMEOUT = 0.25  # paced, an answer that decides about the charge is waited for [wall s]
+_ROUNDING = 1e-6  # of sums of times, which must not keep a tick from its end [wall s]
 MAX_DELAY = 0.05  # further behind its schedule a paced run starts a new one [wall s]
 
 
@@ -29,6 +30,7 @@ class TickTimer:
         self._repeat = 0.0
         self._next_check = inf  # when the plant meant to look again
         self.late = 0.0  # by which the last look came too late [wall s]
+        self._by_plant = self._question_is_new = False
         self.set_rate(rate_factor, 0.0)
 
     def set_rate(self, rate_factor: float, now: float) -> None:
@@ -40,6 +42,16 @@ class TickTimer:
         self._start, self._ticks = now, 1
         self._next_check = inf
 
+    def follow_plant(self) -> None:
+        """Leave the pace to the clock of the plant: from tick 1 on an answer is due in a period."""
+        self.set_rate(0.0, 0.0)
+        self._by_plant, self.rate_factor = True, 1.0
+
+    @property
+    def real_time(self) -> bool:
+        """Whether the wall clock, or the plant's, does not wait for an answer."""
+        return self.paced or self._by_plant
+
     def start(self, now: float) -> None:
         """Count from now [wall s]: a pause is not caught up."""
         self._start, self._ticks = now, 0
@@ -47,7 +59,12 @@ class TickTimer:
         self.request(now)
 
     def request(self, now: float) -> None:
-        """Note that a new question went out."""
+        """Note that a new question went out.
+
+        With the plant's own clock it may have waited for the plant since it read the wall clock:
+        then the time of the question is that of the next look.
+        """
+        self._question_is_new = self._by_plant
         self._ticks += 1
         self._question_time = now
         self._repeat = now + REPEAT_AFTER
@@ -56,6 +73,10 @@ class TickTimer:
         """Note that the plant reads the clock; return by how much it is late [s]."""
         self.late = max(0.0, now - self._next_check)
         self._next_check = inf
+        if self._question_is_new:
+            self._question_is_new = False
+            self._question_time, self._repeat = now, now + REPEAT_AFTER
+            return self.late
         self._question_time += self.late
         self._repeat += self.late
         return self.late
@@ -83,10 +104,11 @@ class TickTimer:
             return now >= (
                 self._deadline
                 if has_answer
-                else max(self._deadline, self._question_time + self._allowed)
+                else max(self._deadline, self._question_time + self._allowed - _ROUNDING)
             )
+        patience = self._patience
         return has_answer or now - self._question_time >= (
-            REPEAT_AFTER if missing_ticks else self._timeout
+            (min(REPEAT_AFTER, patience) if missing_ticks else patience) - _ROUNDING
         )
 
     def shift_schedule(self, now: float) -> float:
@@ -100,8 +122,13 @@ class TickTimer:
     def wait(self, now: float) -> float:
         """Return the wall seconds until one of the above can change by itself."""
         over = self._deadline if now < self._deadline else self._question_time + self._allowed
-        self._next_check = max(now, min(over, self._repeat, self._question_time + self._timeout))
+        self._next_check = max(now, min(over, self._repeat, self._question_time + self._patience))
         return self._next_check - now
+
+    @property
+    def _patience(self) -> float:
+        """Silence that counts as a missed tick without a deadline [wall s]."""
+        return self._period if self._by_plant and self._ticks > 1 else self._timeout
 
     @property
     def _deadline(self) -> float:

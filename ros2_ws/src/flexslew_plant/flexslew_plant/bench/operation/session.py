@@ -40,6 +40,10 @@ Outgoing: TypeAlias = Measurement | Truth | Event
 
 _HEARTBEAT_LOST = Refusal("its heartbeat is lost", cause=Cause.NO_HEARTBEAT)
 _NOT_PRESENT = Refusal("it is not on the graph", cause=Cause.ABSENT)
+_OWN_CLOCK = Refusal(
+    "the plant has a clock of its own, which neither rests nor changes; brake or reset instead",
+    cause=Cause.NOT_NOW,
+)
 _NEW_INSTANCE = Refusal("it has just come", cause=Cause.NOT_READY)
 _POLL_PERIOD = 0.02  # between two checks for missing nodes [wall s]
 
@@ -70,7 +74,9 @@ class Session:
         self.bench = bench
         self.run = RunState(autostart)
         self.tick_timer = TickTimer(bench.settings.period, rate_factor, answer_timeout)
-        self.node_progress = NodeProgress(patience=answer_timeout, paced=self.tick_timer.paced)
+        if bench.own_clock:
+            self.tick_timer.follow_plant()
+        self.node_progress = NodeProgress(patience=answer_timeout, paced=self.tick_timer.real_time)
         self.heartbeats = Heartbeats()
         self.reasons: dict[str, Refusal | None] = {}  # why not ready, from their statuses
         self._status_instance = dict[str, int]()  # the instance of each status; 0: not given
@@ -201,11 +207,15 @@ class Session:
 
     def pause(self, now: float, who: str = "") -> Reply:
         """Rest between two ticks."""
+        if self.bench.own_clock:
+            return Reply(refused=_OWN_CLOCK)
         reply = self.run.pause(now)
         return self._note_request(reply, Paused(self.bench.tick, who or NO_NAME))
 
     def step(self, ticks: int, who: str = "") -> Reply:
         """Fly some ticks of a paused bench."""
+        if self.bench.own_clock:
+            return Reply(refused=_OWN_CLOCK)
         reply = self.run.step(ticks)
         self._who = who
         return self._note_request(
@@ -230,6 +240,8 @@ class Session:
         """Go on at another rate from the next tick on; nothing of the trajectory changes."""
         if not 0.0 <= rate_factor < float("inf"):
             return Reply(refused=Refusal("0 (fast) or more", "rate_factor", rate_factor))
+        if self.bench.own_clock:
+            return Reply(refused=_OWN_CLOCK)
         self.tick_timer.set_rate(rate_factor, now)
         self.node_progress.paced = self.tick_timer.paced
         return self._note_request(Reply(), RateChanged(rate_factor, who or NO_NAME))
@@ -276,7 +288,7 @@ class Session:
             return Refusal(words, cause=Cause.UNKNOWN)
         name = request.controller
         reason = self.reason(name, now)
-        is_busy = not self.tick_timer.paced and not self.heartbeats.lost(
+        is_busy = not self.tick_timer.real_time and not self.heartbeats.lost(
             [name], self.node_progress.patience, now
         )
         if reason is _HEARTBEAT_LOST and is_busy:
@@ -288,7 +300,8 @@ class Session:
         return refusal
 
     def interrupted(self) -> None:
-        """Record that the run ends before its time, if it does."""
+        """Stop the plant, and record that the run ends before its time, if it does."""
+        self.bench.stop_plant()
         if self.run.state in ("running", PAUSED) and self.bench.tick:
             self.bench.tell(RunStopped(self.bench.tick))
         self._flush()
@@ -392,7 +405,7 @@ class Session:
             self._wait_start = None
             return False
         pending = [*bench.handover.due(tick), *self._next_controllers(now)]
-        if self.tick_timer.paced or not any(
+        if self.tick_timer.real_time or not any(
             self.heartbeats.inactive(name, now) for name in pending
         ):
             self._wait_start = None

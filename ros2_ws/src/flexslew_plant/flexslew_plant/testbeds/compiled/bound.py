@@ -10,7 +10,7 @@ from numba import types
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.machine_code.read_only import read_only
 from flexslew_plant.testbeds.compiled import dynamics, interface
-from flexslew_plant.testbeds.kernels import Kernels
+from flexslew_plant.testbeds.kernels import Kernels, require_equations
 
 _VECTOR = types.Array(types.float64, 1, "C")
 _READ = read_only(_VECTOR)
@@ -55,7 +55,11 @@ def bound(kernels: Kernels, n: int, m: int) -> Bound:
         kernels: its equations.
         n: coordinates.
         m: joints.
+
+    Raises:
+        BadInput: it is a black box.
     """
+    require_equations(kernels)
     return _of_any_size(kernels, m) if kernels.any_size else _of_size(kernels, n, m)
 
 
@@ -76,7 +80,8 @@ def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
     def advance(
         p: Vector, t: float, effort: Vector, dt: float, steps: int, _: int, x: Vector
     ) -> None:
-        dynamics.take_steps(kernels, p, t, effort, dt / steps, steps, n, m, x)
+        held = dynamics.HeldEffort(kernels, p, effort)
+        dynamics.take_steps(held, t, dt / steps, steps, n, m, x)
 
     if kernels.advance is not None:
         return _of_joints(kernels, m)
@@ -183,22 +188,11 @@ def _advance(kernels: Kernels) -> Callable[..., None]:
     ) -> None:
         n = (x.size - interface.extra(kernels)) // 2
         s = interface.square(kernels, n, m)
-        dynamics.step_in_place(
-            kernels,
-            p,
-            t,
-            effort,
-            dt / steps,
-            steps,
-            n,
-            x,
-            np.empty((dynamics.STAGES, x.size)),
-            np.empty(x.size),
-            np.empty(n),
-            np.empty((s, s)),
-            np.empty((s, n - s)),
-            np.empty(n - s),
-        )
+        blocks = dynamics.MassBlocks(np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s))
+        slopes, at, a = np.empty((dynamics.STAGES, x.size)), np.empty(x.size), np.empty(n)
+        held = dynamics.HeldEffort(kernels, p, effort)
+        work = dynamics.StepWork(slopes, at, a, blocks)
+        dynamics.step_in_place(held, t, dt / steps, steps, n, x, work)
 
     return _in_parts(kernels, advance)
 

@@ -4,6 +4,8 @@ A testbed is M(q, t) a + h(q, v, t) = B u, x = [q, v], with the joints first and
 them. The equations are those of `kernels`.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.integrate import DOP853
 
@@ -18,20 +20,44 @@ STAGE_WEIGHTS: Matrix = np.array(DOP853.A[:STAGES, :STAGES], dtype=np.float64)
 STEP_WEIGHTS: Vector = np.array(DOP853.B[:STAGES], dtype=np.float64)
 
 
+class MassBlocks(NamedTuple):
+    """Work arrays for the blocks of a mass matrix, s = interface.square."""
+
+    joints: Matrix  # (s, s)
+    coupling: Matrix  # (s, n - s)
+    modal: Vector  # the diagonal, (n - s,)
+
+
+class HeldEffort(NamedTuple):
+    """A testbed under a constant effort."""
+
+    kernels: Kernels  # its equations
+    p: Vector  # its packed parameters
+    effort: Vector  # of the actuators, shape (actuators,) [N m or N]
+
+
+class StepWork(NamedTuple):
+    """Work arrays for steps of the integration."""
+
+    slopes: Matrix  # (STAGES, size of a state)
+    at: Vector  # a state
+    a: Vector  # accelerations, (n,)
+    blocks: MassBlocks
+
+
 # not strided: what a testbed's author has compiled would be compiled for parts of matrices, too
-@merged("joints", "coupling", "modal", "out", strided=False)
+@merged("out", strided=False)
 def acceleration(
     kernels: Kernels,
     p: Vector,
     t: float,
     x: Vector,
     effort: Vector,
-    joints: Matrix,
-    coupling: Matrix,
-    modal: Vector,
+    blocks: MassBlocks,
     out: Vector,
 ) -> None:
-    """Write a = M^-1 (B u - h); joints, coupling and modal are left holding M after `factor`."""
+    """Write a = M^-1 (B u - h); blocks are left holding M after `factor`."""
+    joints, coupling, modal = blocks
     interface.terms(kernels, p, t, x, joints, coupling, modal, out)
     for i in range(out.size):
         out[i] = -out[i]
@@ -57,9 +83,8 @@ def derivative(
     n = (x.size - interface.extra(kernels)) // 2
     s = interface.square(kernels, n, joints)
     a, rate = np.empty(n), np.empty(x.size)
-    acceleration(
-        kernels, p, t, x, effort, np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s), a
-    )
+    blocks = MassBlocks(np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s))
+    acceleration(kernels, p, t, x, effort, blocks, a)
     interface.position_rates(kernels, p, t, x, rate)
     for k in range(n):
         rate[x.size - n + k] = a[k]
@@ -90,58 +115,38 @@ def complete_step(x: Vector, slopes: Matrix, h: float) -> None:
 
 
 @inline
-def take_steps(
-    kernels: Kernels,
-    p: Vector,
-    t: float,
-    effort: Vector,
-    h: float,
-    steps: int,
-    n: int,
-    m: int,
-    x: Vector,
-) -> None:
+def take_steps(held: HeldEffort, t: float, h: float, steps: int, n: int, m: int, x: Vector) -> None:
     """Replace x by the state after `steps` steps of length h with the effort held.
 
     Args:
-        kernels, p, t, effort: as in derivative.
+        held: testbed and effort.
+        t: time [s].
         h: length of a step [s].
         steps: how many.
         n, m: coordinates and joints.
         x: in and out, state [q, v].
     """
-    s, size = interface.square(kernels, n, m), n + n + interface.extra(kernels)
+    s, size = interface.square(held.kernels, n, m), n + n + interface.extra(held.kernels)
     work = np.empty((STAGES + 2, size))  # one allocation instead of four
     modal = work[STAGES + 1, n : 2 * n - s]
-    joints, coupling = np.empty((s, s)), np.empty((s, n - s))  # as in roll_out: compiled once
-    slopes, at, a = work[:STAGES], work[STAGES], work[STAGES + 1, :n]
-    step_in_place(kernels, p, t, effort, h, steps, n, x, slopes, at, a, joints, coupling, modal)
+    blocks = MassBlocks(np.empty((s, s)), np.empty((s, n - s)), modal)
+    arrays = StepWork(work[:STAGES], work[STAGES], work[STAGES + 1, :n], blocks)
+    step_in_place(held, t, h, steps, n, x, arrays)
 
 
 @inline
 def step_in_place(
-    kernels: Kernels,
-    p: Vector,
-    t: float,
-    effort: Vector,
-    h: float,
-    steps: int,
-    n: int,
-    x: Vector,
-    slopes: Matrix,
-    at: Vector,
-    a: Vector,
-    joints: Matrix,
-    coupling: Matrix,
-    modal: Vector,
+    held: HeldEffort, t: float, h: float, steps: int, n: int, x: Vector, work: StepWork
 ) -> None:
     """Take steps as take_steps does, within arrays that are there."""
+    kernels, p, effort = held
+    slopes, at, a, blocks = work
     first = n + interface.extra(kernels)  # of v in x
     for step in range(steps):
         for i in range(STAGES):
             stage_state(x, slopes, i, h, at)
             now = t + (step + STAGE_TIMES[i]) * h
-            acceleration(kernels, p, now, at, effort, joints, coupling, modal, a)
+            acceleration(kernels, p, now, at, effort, blocks, a)
             interface.position_rates(kernels, p, now, at, slopes[i])
             for k in range(n):
                 slopes[i, first + k] = a[k]
@@ -168,7 +173,7 @@ def jacobian(
     block, coupling, modal = np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s)
     a, column, one = np.empty(n), np.empty(n), np.zeros(effort.size)
     dq, dv = np.empty((n, n)), np.empty((n, n))
-    acceleration(kernels, p, t, x, effort, block, coupling, modal, a)
+    acceleration(kernels, p, t, x, effort, MassBlocks(block, coupling, modal), a)
     interface.residual_jacobian(kernels, p, t, x, a, dq, dv)
     dx[:] = 0.0
     du[:] = 0.0

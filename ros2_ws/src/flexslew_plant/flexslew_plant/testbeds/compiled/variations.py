@@ -11,7 +11,7 @@ take the same steps as the flight, so that s is the derivative of what the integ
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numba import types
@@ -34,50 +34,70 @@ _solve = called(mass.solve.py_func)  # type: ignore[attr-defined]
 _solve_rows = called(mass.solve_rows.py_func)  # type: ignore[attr-defined]
 
 
+class BlockSizes(NamedTuple):
+    """The sizes of a testbed's equations that a state does not show."""
+
+    square: int  # of the joint block of M
+    extra: int  # how many entries q has more than v
+
+
+class Directions(NamedTuple):
+    """The parameters by which derivatives are taken: row k is how the numbers change with theta_k.
+
+    No rows of `along` where no packed parameter changes.
+    """
+
+    p: Vector  # packed parameters of the equations
+    along: Matrix  # dp/d theta, shape (parameters or 0, p.size)
+    effort_slopes: Matrix  # du/d theta, shape (parameters, actuators)
+
+
+class HeldPieces(NamedTuple):
+    """Pieces of a flight with the effort held, each from its begin to its end.
+
+    Begins and ends are a state, then its derivatives; those of one entry of the state by all
+    parameters are next to each other. A begin is read when its piece is integrated: it may be the
+    end before it.
+    """
+
+    effort: Matrix  # shape (pieces, actuators) [N m or N]
+    starts: Vector  # times of the begins, shape (pieces,) [s]
+    durations: Vector  # shape (pieces,) [s]
+    steps: Indices  # equal ones of order 8, shape (pieces,)
+    begins: Matrix
+    ends: Matrix  # out
+
+
 def flight_with_slopes(
     equations: Bound,
-    p: Vector,
-    along: Matrix,
+    directions: Directions,
     start: Vector,
     start_slopes: Matrix,
     effort: Matrix,
     period: float,
-    square: int,
-    extra: int,
+    sizes: BlockSizes,
 ) -> tuple[Matrix, Matrix]:
     """Return the states at the ticks and their derivatives by parameters.
 
     Args:
         equations: of the testbed.
-        p: its packed parameters.
-        along: dp/d theta, shape (parameters, p.size).
+        directions: the parameters.
         start: state [q, v].
         start_slopes: its derivatives, shape (parameters, size of a state).
         effort: held over every tick, shape (ticks, actuators) [N m or N].
         period: one tick [s], one step of order 8.
-        square: size of the joint block of M.
-        extra: how many entries q has more than v.
+        sizes: of the equations.
 
     Returns:
         shapes (ticks + 1, size of a state) and (ticks + 1, parameters, size of a state).
     """
-    ticks, count = len(effort), len(along)
+    ticks, count = len(effort), len(start_slopes)
     path = np.empty((ticks + 1, start.size * (1 + count)))
     path[0] = np.concatenate((start, start_slopes.T.ravel()))
-    pieces = period * np.arange(ticks), np.full(ticks, period), np.ones(ticks, dtype=np.int64)
-    none = np.zeros((count, effort.shape[1]))
-    _kernel()(
-        *_kernel_functions(equations),
-        p,
-        along,
-        none,
-        effort,
-        *pieces,
-        square,
-        extra,
-        path[:-1],
-        path[1:],
-    )
+    starts, durations = period * np.arange(ticks, dtype=np.float64), np.full(ticks, period)
+    one = np.ones(ticks, dtype=np.int64)
+    pieces = HeldPieces(effort, starts, durations, one, path[:-1], path[1:])
+    _simulate(equations, directions, pieces, sizes)
     slopes = path[:, start.size :].reshape(ticks + 1, start.size, count)
     return path[:, : start.size], slopes.swapaxes(1, 2)
 
@@ -90,8 +110,7 @@ def slopes_of_pieces(
     durations: Vector,
     steps: Indices,
     columns: Indices,
-    square: int,
-    extra: int,
+    sizes: BlockSizes,
 ) -> tuple[Tensor, Tensor]:
     """Return the derivatives of the ends of pieces by their begins and by the efforts held.
 
@@ -103,8 +122,7 @@ def slopes_of_pieces(
         durations: of the pieces, from time zero on, shape (k,) [s].
         steps: equal ones of order 8, of every piece, shape (k,).
         columns: entries of a state by which derivatives are taken.
-        square: size of the joint block of M.
-        extra: how many entries q has more than v.
+        sizes: of the equations.
 
     Returns:
         shapes (k, size, size), zero but in these columns, and (k, size, actuators).
@@ -112,40 +130,32 @@ def slopes_of_pieces(
     (k, size), m, c = states.shape, effort.shape[1], columns.size
     first = np.zeros((size, c + m))
     first[columns, np.arange(c)] = 1.0
-    initial_states = np.hstack((states, np.tile(first.ravel(), (k, 1))))
-    effort_slopes = np.zeros((c + m, m))
-    effort_slopes[c:] = np.eye(m)
-    pieces = np.cumsum(durations) - durations, durations, steps
-    ends, none = np.empty_like(initial_states), np.zeros((0, p.size))
-    _kernel()(
-        *_kernel_functions(equations),
-        p,
-        none,
-        effort_slopes,
-        effort,
-        *pieces,
-        square,
-        extra,
-        initial_states,
-        ends,
-    )
-    found = ends[:, size:].reshape(k, size, c + m)
+    begins = np.hstack((states, np.tile(first.ravel(), (k, 1))))
+    ends, starts = np.empty_like(begins), np.cumsum(durations) - durations
+    directions = Directions(p, np.zeros((0, p.size)), np.vstack((np.zeros((c, m)), np.eye(m))))
+    pieces = HeldPieces(effort, starts, durations, steps, begins, ends)
+    _simulate(equations, directions, pieces, sizes)
+    slopes = ends[:, size:].reshape(k, size, c + m)
     by_state = np.zeros((k, size, size))
-    by_state[:, :, columns] = found[:, :, :c]
-    return by_state, np.ascontiguousarray(found[:, :, c:])
+    by_state[:, :, columns] = slopes[:, :, :c]
+    return by_state, np.ascontiguousarray(slopes[:, :, c:])
 
 
-def _kernel_functions(equations: Bound) -> tuple[Callable[..., None], ...]:
-    """Return what the kernel calls of a testbed's equations."""
+def _simulate(
+    equations: Bound, directions: Directions, pieces: HeldPieces, sizes: BlockSizes
+) -> None:
+    """Write the ends of pieces."""
     first = equations.terms, equations.residual_jacobian
-    return (*first, equations.actuation, equations.position_rates)
+    functions = *first, equations.actuation, equations.position_rates
+    _kernel()(*functions, directions, pieces, sizes)
 
 
 @lru_cache
 def _kernel() -> Callable[..., None]:
-    """Return _flown as machine code, the same for all testbeds."""
+    """Return _simulate_pieces as machine code, the same for all testbeds."""
     vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
     read, t = read_only(vector), types.float64
+    steps = types.Array(types.int64, 1, "C")
     kernel: Any = compiled(_simulate_pieces)
     kernel.compile(
         types.void(
@@ -153,8 +163,9 @@ def _kernel() -> Callable[..., None]:
             types.FunctionType(types.void(read, t, read, read, matrix, matrix)),
             types.FunctionType(types.void(read, t, read, read, vector)),
             types.FunctionType(types.void(read, t, read, vector)),
-            *(vector, matrix, matrix, matrix, vector, vector, types.Array(types.int64, 1, "C")),
-            *(types.int64, types.int64, matrix, matrix),
+            types.NamedTuple((vector, matrix, matrix), Directions),
+            types.NamedTuple((matrix, vector, vector, steps, matrix, matrix), HeldPieces),
+            types.NamedUniTuple(types.int64, 2, BlockSizes),
         )
     )
     kernel.disable_compile()  # never for the type of one testbed's function
@@ -162,24 +173,11 @@ def _kernel() -> Callable[..., None]:
 
 
 @called
-def _write_residual(
-    terms: Callable[..., None],
-    actuation: Callable[..., None],
-    p: Vector,
-    t: float,
-    x: Vector,
-    u: Vector,
-    a: Vector,
-    work: tuple[Matrix, Matrix, Vector, Vector],
-    residual: Vector,
+def _add_inertia(
+    joints: Matrix, coupling: Matrix, modal: Vector, a: Vector, residual: Vector
 ) -> None:
-    """Write M a + h - B u."""
-    joints, coupling, modal, push = work
+    """Add M a, M given by its blocks."""
     square = len(joints)
-    terms(p, t, x, joints, coupling, modal, residual)
-    push[:] = 0.0
-    actuation(p, t, x, u, push)
-    residual -= push
     for j in range(square):
         for c in range(square):
             residual[j] += joints[j, c] * a[c]
@@ -295,33 +293,22 @@ def _simulate_pieces(
     residual_jacobian: Callable[..., None],
     actuation: Callable[..., None],
     position_rates: Callable[..., None],
-    p: Vector,
-    along: Matrix,
-    effort_slopes: Matrix,
-    effort: Matrix,
-    starts: Vector,
-    durations: Vector,
-    steps: Indices,
-    square: int,
-    extra: int,
-    initial_states: Matrix,
-    ends: Matrix,
+    directions: Directions,
+    pieces: HeldPieces,
+    sizes: BlockSizes,
 ) -> None:
-    """Write the ends of pieces: each a state and then its derivatives, as its begin.
-
-    The derivatives of an entry of the state by all parameters stand side by side. Row k of `along`
-    and of `effort_slopes` is how p and the effort change with parameter k; `along` has no rows
-    where p
-    does not. A begin is read when its piece is flown: it may be the end before it.
-    """
-    count, width = effort_slopes.shape[0], initial_states.shape[1]
+    """Write the ends of pieces."""
+    p, along, effort_slopes = directions
+    effort, starts, durations, steps, begins, ends = pieces
+    square, extra = sizes
+    count, width = effort_slopes.shape[0], begins.shape[1]
     size = width // (1 + count)
     n = (size - extra) // 2
     q = size - n  # entries of q
     joints, coupling = np.empty((square, square)), np.empty((square, n - square))
     modal, a, rates = np.empty(n - square), np.empty(n), np.empty(size)
     factors, scale = np.empty_like(joints), np.empty_like(modal)
-    other = np.empty_like(joints), np.empty_like(coupling), np.empty_like(modal), np.empty(n)
+    other = np.empty_like(joints), np.empty_like(coupling), np.empty_like(modal)
     residual, forces = np.empty(n), np.empty(n * count)
     force = forces.reshape((n, count))
     dq, dv, kinematics = np.empty((n, q)), np.empty((n, n)), np.empty((q, size))
@@ -330,7 +317,7 @@ def _simulate_pieces(
     x, state_slopes = at[:size], at[size:].reshape((size, count))
     for piece in range(effort.shape[0]):
         u, h = effort[piece], durations[piece] / steps[piece]
-        put(initial_states[piece], now)
+        put(begins[piece], now)
         for step in range(steps[piece]):
             for i in range(STAGES):
                 stage_state(now, slopes, i, h, at)
@@ -363,7 +350,11 @@ def _simulate_pieces(
                 for k in range(len(along)):  # dr/dp along the parameter
                     for sign in _SIGNS:
                         shifted_p = p + sign * _CHANGE * along[k]
-                        _write_residual(terms, actuation, shifted_p, t, x, u, a, other, residual)
+                        terms(shifted_p, t, x, *other, residual)
+                        push[:] = 0.0
+                        actuation(shifted_p, t, x, u, push)
+                        residual -= push
+                        _add_inertia(*other, a, residual)
                         for j in range(n):
                             force[j, k] -= sign / (2.0 * _CHANGE) * residual[j]
                 _solve_rows(joints, coupling, modal, scale, forces, count)

@@ -1,5 +1,8 @@
 """The contract between the testbeds and the rest of the bench: protocols and their records."""
 
+from flexslew_plant.testbeds.contract.black_box import BlackBox as BlackBox
+from flexslew_plant.testbeds.contract.black_box import RunningPlant as RunningPlant
+from flexslew_plant.testbeds.contract.black_box import has_own_clock as has_own_clock
 from flexslew_plant.testbeds.contract.clamped import Clamped as Clamped
 from flexslew_plant.testbeds.contract.clamped import HasClampedAppendages as HasClampedAppendages
 from flexslew_plant.testbeds.contract.doubts import HasDoubts as HasDoubts

@@ -5,7 +5,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.attitude import cross, to_inertial
+from flexslew_plant.testbeds.orientation.attitude import cross, to_inertial
 
 
 class Cone(NamedTuple):

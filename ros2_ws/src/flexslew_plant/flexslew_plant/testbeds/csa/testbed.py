@@ -29,7 +29,7 @@ from flexslew_plant.testbeds.csa.equations import (
     unpack,
 )
 from flexslew_plant.testbeds.entry import TestbedEntry
-from flexslew_plant.testbeds.initial_motion import InitialMotion
+from flexslew_plant.testbeds.initial.initial_motion import InitialMotion
 from flexslew_plant.testbeds.model import Appendages, Model
 from flexslew_plant.testbeds.scene import POINTS, Scene, rod, turntable
 

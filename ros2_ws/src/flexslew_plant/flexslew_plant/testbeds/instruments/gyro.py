@@ -11,9 +11,9 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.settings import NonNegative, section
-from flexslew_plant.testbeds.attitude import quaternion, to_body
 from flexslew_plant.testbeds.instruments.instrument import RATE, BodyState, CompiledReader
-from flexslew_plant.testbeds.quaternions import multiply, rotation_vector_of
+from flexslew_plant.testbeds.orientation.attitude import quaternion, to_body
+from flexslew_plant.testbeds.orientation.quaternions import multiply, rotation_vector_of
 
 Triple = tuple[float, float, float]
 

@@ -16,7 +16,7 @@ from flexslew_plant.testbeds.instruments.instrument import (
     CompiledReader,
     noisy,
 )
-from flexslew_plant.testbeds.quaternions import multiply, quaternion_of
+from flexslew_plant.testbeds.orientation.quaternions import multiply, quaternion_of
 
 _GAP_START = 11  # where the spans without readings begin in the constants of its reader
 
@@ -34,7 +34,7 @@ class StarTrackerSettings:
     rate_limit: Positive | None = None  # body rate above which it reads nothing [rad/s]; null: none
     interval: NonNegative = 0.0  # between its readings [s]; 0: each tick
     delay: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0  # of its readings [s]
-    dropout: Probability = 0.0  # probability that a reading is missing
+    dropout: Probability = 0.0  # probability that a reading is missing [-]
     # spans in which it exposes nothing, from and until [s]
     blind: tuple[tuple[NonNegative, NonNegative], ...] = ()
 

@@ -9,9 +9,9 @@ from pydantic import Field
 
 from flexslew_plant.arrays import Vector, compiled_once
 from flexslew_plant.settings import NonNegative, section
-from flexslew_plant.testbeds.attitude import to_body
 from flexslew_plant.testbeds.instruments.instrument import BodyState, CompiledReader, noisy
-from flexslew_plant.testbeds.quaternions import to_body_axes
+from flexslew_plant.testbeds.orientation.attitude import to_body
+from flexslew_plant.testbeds.orientation.quaternions import to_body_axes
 
 
 @section

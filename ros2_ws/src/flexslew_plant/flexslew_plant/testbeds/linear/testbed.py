@@ -18,7 +18,7 @@ from flexslew_plant.state_space import StateSpace
 from flexslew_plant.system_file import system_from_file
 from flexslew_plant.testbeds.contract import require_no_payload
 from flexslew_plant.testbeds.entry import TestbedEntry
-from flexslew_plant.testbeds.initial_motion import InitialMotion
+from flexslew_plant.testbeds.initial.initial_motion import InitialMotion
 from flexslew_plant.testbeds.linear.motion import (
     ANYWHERE,
     IN_JOINTS,

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, called
-from flexslew_plant.testbeds.attitude import cross
+from flexslew_plant.testbeds.orientation.attitude import cross
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.settings import Harmonic, WheelSettings
 from flexslew_plant.testbeds.spacecraft.units import Units

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.attitude import to_inertial
 from flexslew_plant.testbeds.contract import LineOfSight
+from flexslew_plant.testbeds.orientation.attitude import to_inertial
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import rotation_matrix
 from flexslew_plant.testbeds.spacecraft.assembly.craft import (
     Appendage,

@@ -167,7 +167,8 @@ class FiniteElements:
     """A finite element model, reduced to its clamped modes; see finite_elements."""
 
     kind: Literal["finite_elements"] = "finite_elements"
-    # of mass and stiffness: .npz, .mat, .op4, or .inp of CalculiX, see Finite elements
+    # of mass and stiffness: .npz, .mat, .op4, .op2 or .pch of Nastran, .inp of CalculiX; of clamped
+    # modes: its .frd; see Finite elements
     file: Annotated[Path, AfterValidator(_allowed_file)]
     # what the hinge holds: node numbers or ranges (`5-9`), node sets, planes (`x=0`); of a file
     # without nodes: rows from 1; empty: the boundary that the file names

@@ -4,6 +4,7 @@ Joints of the bench are its actuators: the reading of an effort is the place and
 the effort works on (readings.read), so any collocated law flies it. State: see layout.
 """
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 from functools import lru_cache
@@ -16,7 +17,6 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.keys.refused_keys import SectionError
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.appendages import Appendages
-from flexslew_plant.testbeds.attitude import attitude_joints
 from flexslew_plant.testbeds.contract import (
     Clamped,
     DriveMap,
@@ -30,10 +30,11 @@ from flexslew_plant.testbeds.contract import (
     UnitSizes,
 )
 from flexslew_plant.testbeds.entry import TestbedEntry
-from flexslew_plant.testbeds.initial_motion import InitialMotion
+from flexslew_plant.testbeds.initial.initial_motion import InitialMotion
 from flexslew_plant.testbeds.instruments import ResolverSettings
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
+from flexslew_plant.testbeds.orientation.attitude import attitude_joints
 from flexslew_plant.testbeds.scene import Scene
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import rotation_matrix, unit_direction
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft, mass_warning
@@ -52,6 +53,7 @@ from flexslew_plant.testbeds.spacecraft.equations.jacobian import residual_jacob
 from flexslew_plant.testbeds.spacecraft.equations.kinematics import kinematics, potential
 from flexslew_plant.testbeds.spacecraft.equations.readings import read
 from flexslew_plant.testbeds.spacecraft.equations.terms import terms
+from flexslew_plant.testbeds.spacecraft.finite_elements.readers import files_of
 from flexslew_plant.testbeds.spacecraft.floating import floating
 from flexslew_plant.testbeds.spacecraft.imbalance import harmonics_of
 from flexslew_plant.testbeds.spacecraft.lines_of_sight import lines_of_sight
@@ -108,6 +110,7 @@ _TORQUES = {
     name: ActuatorPlace(kind="torque", direction=axis, limit=100.0)
     for name, axis in zip(("roll", "pitch", "yaw"), IDENTITY, strict=True)
 }
+_STAMPS = "_file_stamps"  # where a section keeps the state of its files
 
 
 @section
@@ -424,11 +427,29 @@ class SpacecraftTestbed:
         return scene_of(self.craft)
 
 
+def _file_stamps(testbed: SpacecraftTestbed) -> tuple[tuple[str, int, int], ...]:
+    """Return path, time of change and size of each file of data that a section reads.
+
+    They are those of the first call: a section has one model, whatever becomes of its files.
+    """
+    known: tuple[tuple[str, int, int], ...] | None = vars(testbed).get(_STAMPS)
+    if known is None:
+        named = [getattr(a.shape, "file", None) for a in testbed.appendages.values()]
+        files = [file for path in named if path is not None for file in files_of(path)]
+        stats = [(file, file.stat()) for file in files if os.path.isfile(file)]
+        known = tuple((str(file), stat.st_mtime_ns, stat.st_size) for file, stat in stats)
+        vars(testbed)[_STAMPS] = known
+    return known
+
+
 class _Same:
-    """A section as a key of a cache: the same object is the same key."""
+    """A section as a key of a cache, with the state of the files that it names.
+
+    The same object is the same key.
+    """
 
     def __init__(self, testbed: SpacecraftTestbed) -> None:
-        self.testbed = testbed
+        self.testbed, self.stamps = testbed, _file_stamps(testbed)
 
     def __hash__(self) -> int:
         """Of its names and its platform: all numbers take two milliseconds, at every `model`."""
@@ -438,7 +459,8 @@ class _Same:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, _Same):
             return False
-        return self.testbed is other.testbed or self.testbed == other.testbed
+        same_files = self.stamps == other.stamps
+        return self.testbed is other.testbed or (same_files and self.testbed == other.testbed)
 
 
 @lru_cache(maxsize=128)  # more than fly in a batch at once

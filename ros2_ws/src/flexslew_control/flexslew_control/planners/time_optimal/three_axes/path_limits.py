@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexslew_plant.arrays import Indices, Matrix, Tensor
-from flexslew_plant.testbeds.attitude import conjugate, quaternion, to_inertial
 from flexslew_plant.testbeds.contract import Cone
 from flexslew_plant.testbeds.model import Model
+from flexslew_plant.testbeds.orientation.attitude import conjugate, quaternion, to_inertial
 
 _CHANGE = 1e-6  # of a state
 _AXIS_SINE = 1e-9  # sine of the angle below which a boresight counts as on the axis of a cone

@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.free_platform import rate_outputs
+from flexslew_control.linear.free_platform import rate_outputs
 from flexslew_control.planners.attitude.eigenaxis import continuous
 from flexslew_control.planners.time_optimal.three_axes.held_pieces import Pieces, simulate_pieces
 from flexslew_control.planners.time_optimal.three_axes.path_limits import FREE, PathLimits
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
-from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.model import Model
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints
 
 _CHANGE = 1e-6  # of a state, for the slopes of the end conditions
 _ANGLE = 1.0  # of the fastest mode in a step of the integration [rad]

@@ -30,8 +30,8 @@ from flexslew_control.planners.time_optimal.three_axes.sequential_programs impor
 )
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
-from flexslew_plant.testbeds.attitude import product, quaternion, to_inertial
 from flexslew_plant.testbeds.contract import Cone
+from flexslew_plant.testbeds.orientation.attitude import product, quaternion, to_inertial
 
 _CHECK_PIECES = 120  # pieces of a free slew
 _CONE_MARGIN = 0.3  # from the edge of a cone that a start goes round [rad]

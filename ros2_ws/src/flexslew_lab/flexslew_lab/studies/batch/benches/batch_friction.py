@@ -7,8 +7,13 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from flexslew_lab.studies.batch.groups.batch_trial import BatchTrial
-from flexslew_plant.arrays import Indices, Matrix, Vector, compiled, put, vectorised
-from flexslew_plant.hardware.friction import CLOSE, MAX_ITERATIONS, coefficients, next_friction
+from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, compiled, put, vectorised
+from flexslew_plant.hardware.friction import (
+    CLOSE,
+    MAX_ITERATIONS,
+    coefficients,
+    next_friction,
+)
 from flexslew_plant.testbeds.compiled import interface, mass
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH, Advance
 from flexslew_plant.testbeds.kernels import Kernels
@@ -18,8 +23,7 @@ class BatchFriction(NamedTuple):
     """What the friction of every member reads; see hardware.friction."""
 
     packed: Matrix  # numbers of the equations, (members, size)
-    viscous: Matrix  # (members, motors) [N m s/rad]
-    coulomb: Matrix  # (members, motors) [N m]
+    law: Tensor  # viscous and Coulomb coefficients, (members, 2, motors)
     speed: Vector  # v_c, (members,) [rad/s]
     efforts: Indices  # which of them drive the motors; see model.Motors
     position: Indices
@@ -34,13 +38,12 @@ def motion_of(members: Sequence[BatchTrial]) -> tuple[Callable[..., None], Batch
         return step_without_friction(first.kernel.advance), None
     motors = [member.model.resolved_motors for member in members]
     actuator_settings = [member.trial.actuator for member in members]
-    pairs = [coefficients(one, given) for one, given in zip(motors, actuator_settings, strict=True)]
-    viscous, coulomb = (np.array(rows) for rows in zip(*pairs, strict=True))
+    law = np.array([*map(coefficients, motors, actuator_settings)])
     speed = np.array([given.coulomb_speed for given in actuator_settings])
     packed = np.array([member.model.packed for member in members])
     sizes = model.coordinates, model.before_modes, model.efforts
     friction_step = step_with_friction(first.kernel.advance, model.kernels, *sizes)
-    return friction_step, BatchFriction(packed, viscous, coulomb, speed, *motors[0][1:])
+    return friction_step, BatchFriction(packed, law, speed, *motors[0][1:])
 
 
 @lru_cache
@@ -131,9 +134,8 @@ def _has_converged(
             motor_matrix[i, j] = mobility[friction.efforts[i], friction.efforts[j]]
     if not np.isfinite(after).all():
         return True
-    viscous, coulomb = friction.viscous[member], friction.coulomb[member]
-    speed = friction.speed[member]
-    found = next_friction(r, v, after, way, motor_matrix, viscous, coulomb, speed, dt)
+    law, speed = friction.law[member], friction.speed[member]
+    found = next_friction(r, v, after, way, motor_matrix, law, speed, dt)
     if np.abs(found - r).max() <= CLOSE * np.abs(found).max():
         return True
     put(found, r)

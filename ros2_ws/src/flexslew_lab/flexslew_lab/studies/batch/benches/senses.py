@@ -12,7 +12,11 @@ from flexslew_control.estimators.attitude_tick import (
     numbers_of,
     write_joints,
 )
-from flexslew_control.estimators.flexible_attitude_tick import flexible_memory, flexible_tick
+from flexslew_control.estimators.flexible_attitude_tick import (
+    FlexibleFilters,
+    flexible_memory,
+    flexible_tick,
+)
 from flexslew_lab.studies.batch.benches.batch_faults import reading_step
 from flexslew_lab.studies.batch.groups.batch_laws import BatchLaws, spacecraft_kernel
 from flexslew_lab.studies.batch.groups.batch_trial import BatchTrial
@@ -152,15 +156,11 @@ def _flexible_filter(kernel: BatchKernel, steps: int) -> Filter:
         filled: int,
     ) -> None:
         found, m = np.empty((filled, 7)), reference.size
-        sensors, spacecraft_models, estimate = (
-            sensor_data.filters,
-            sensor_data.spacecraft_models,
-            np.empty(2 * m),
+        sensors, estimate = sensor_data.filters, np.empty(2 * m)
+        filters = FlexibleFilters(
+            sensors, sensor_data.spacecraft_models, sensor_data.beliefs, sensor_data.place
         )
-        filter_memory, place = sensor_data.beliefs, sensor_data.place
-        tick(
-            k, sensors, spacecraft_models, measured, reference, filter_memory, place, found, filled
-        )
+        tick(k, filters, measured, reference, found, filled)
         for member in range(filled):
             numbers, now = numbers_of(sensors, min(member, len(sensors.period) - 1)), joints[member]
             write_joints(numbers, found[member], now, reference, estimate)

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_control.allocation import sharing
+from flexslew_control.controllers.linear_form import LawForm, LinearForm, LinearObserver
 from flexslew_control.estimators.attitude_tick import AttitudeNumbers
 from flexslew_control.estimators.flexible_attitude_tick import FlexibleForm
 from flexslew_control.estimators.gained_filter import GainFilter
-from flexslew_control.linear_form import LawForm, LinearForm, LinearObserver
 from flexslew_plant.arrays import Tensor
 from flexslew_plant.testbeds.compiled.batch_kernel import BatchKernel
 from flexslew_plant.testbeds.compiled.scalar_kernel import scalar_kernel

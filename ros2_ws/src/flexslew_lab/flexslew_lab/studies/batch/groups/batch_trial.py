@@ -189,11 +189,9 @@ class BatchBuilder:
         else:
             config = {key: value for key, value in config.items() if key not in gains}
             # joints and instruments are of the craft that flies, not of the law's model
-            reads_testbed = any(
-                config.get(key) not in (None, False) for key in CONTROLLERS[law].of_testbed
-            )
-            testbed_model = reads_testbed or not (
-                gains or has_every_key(config.get("model"), testbed)
+            entry = CONTROLLERS[law]
+            testbed_model = entry.reads_testbed(config) or not (
+                gains or entry.any_testbed or has_every_key(config.get("model"), testbed)
             )
         design_model = plain(testbed) if testbed_model else None
         keys = (
@@ -343,6 +341,7 @@ def way_of_settings(trial: Trial, charge: Charge) -> Way:
 def way_of_testbed(model: Model, period: float) -> Way:
     """Return BATCH, or what of a testbed only the bench flies."""
     conditions = (
+        (not model.has_equations, Way.BLACK_BOX),
         (model.reading is not None and model.kernels.reading is None, Way.JOINTS),
         (model.efforts != model.joints, Way.EFFORTS),
         (not are_packed(model.appendages.instruments, period), Way.SENSOR),

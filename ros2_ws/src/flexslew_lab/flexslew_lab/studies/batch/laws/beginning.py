@@ -5,15 +5,15 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from flexslew_control.estimators.gained_filter import GainFilter
-from flexslew_control.estimators.small_motion_observer import MotionConstants
-from flexslew_control.linear_form import (
+from flexslew_control.controllers.linear_form import (
     KalmanForm,
     LinearObserver,
     Observer,
     OnModelForm,
     SmallMotionForm,
 )
+from flexslew_control.estimators.gained_filter import GainFilter
+from flexslew_control.estimators.small_motion_observer import MotionConstants
 from flexslew_lab.studies.batch.groups.batch_laws import by_member
 from flexslew_lab.studies.batch.laws.by_member import (
     BatchFilter,

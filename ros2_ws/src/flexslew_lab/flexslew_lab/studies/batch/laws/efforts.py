@@ -25,8 +25,8 @@ from flexslew_plant.hardware.motor_step import (
     motor_step,
     speed_limited_effort,
 )
-from flexslew_plant.testbeds.attitude import joint_rotation_vector
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH, member_rows, skip
+from flexslew_plant.testbeds.orientation.attitude import joint_rotation_vector
 
 
 class LawNumbers(NamedTuple):

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, NamedTuple, TypeAlias, cast
 
+from flexslew_control.controllers.linear_form import LinearObserver
 from flexslew_control.estimators.gained_filter import GainFilter
-from flexslew_control.linear_form import LinearObserver
 from flexslew_plant.arrays import Indices, Tensor, Vector, put, vectorised
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.linear_form import SurfaceGains, surface_terms
+from flexslew_control.controllers.linear_form import SurfaceGains, surface_terms
 from flexslew_lab.studies.batch.laws.by_member import (
     MemberReadings,
     MemberSizes,

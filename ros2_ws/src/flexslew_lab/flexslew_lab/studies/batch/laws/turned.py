@@ -11,8 +11,8 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.testbeds.attitude import AttitudeJoints, apply_attitude_error
 from flexslew_plant.testbeds.compiled.batch_kernel import member_rows, skip
+from flexslew_plant.testbeds.orientation.attitude import AttitudeJoints, apply_attitude_error
 
 
 class RotationJoints(NamedTuple):

@@ -6,9 +6,9 @@ A member in which they are not is the bench's to fly.
 from collections.abc import Callable
 from typing import NamedTuple, cast
 
+from flexslew_control.controllers.linear_form import KalmanForm, Observer, OnModelForm, SteadyForm
 from flexslew_control.estimators.gained_filter import GainFilter
 from flexslew_control.estimators.monitor import Monitor, MonitorNumbers, innovation_tests
-from flexslew_control.linear_form import KalmanForm, Observer, OnModelForm, SteadyForm
 from flexslew_lab.studies.batch.benches.judge import SENSOR_ERROR
 from flexslew_lab.studies.batch.groups.rows import Rows, Sizes
 from flexslew_plant.arrays import Vector, vectorised

@@ -1,5 +1,7 @@
 """Exact derivatives of one appendage's part of the residual r = M(q, t) a + h(q, v, t)."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, called, compiled
@@ -32,6 +34,43 @@ from flexslew_plant.testbeds.spacecraft.equations.sums import (
     three_sums,
     unit_vector,
 )
+
+
+class _Moments(NamedTuple):
+    """The mass of a deflected appendage about its hinge, in its own axes."""
+
+    mass: float  # [kg]
+    first: Triple  # [kg m]
+    first_rate: Triple  # seen from the axes [kg m/s]
+    inertia: tuple[float, ...]  # six entries [kg m^2]
+    inertia_rate: tuple[float, ...]  # [kg m^2/s]
+
+
+class _Motion(NamedTuple):
+    """The motion of an appendage's hinge and axes, in its own axes, and its momenta."""
+
+    velocity: Triple  # [m/s]
+    spin: Triple  # [rad/s]
+    push: Triple  # acceleration of the hinge, seen from the axes [m/s^2]
+    alpha: Triple  # the same of the spin [rad/s^2]
+    linear: Triple  # momentum [kg m/s]
+    angular: Triple  # momentum about the hinge [N m s]
+
+
+class _Modes(NamedTuple):
+    """Where the modes of an appendage stand, and their sums."""
+
+    v: int  # first rate in the state
+    row: int  # first row of the residual
+    sums: Vector  # as write_modal_sums leaves them
+
+
+class _Derivative(NamedTuple):
+    """The derivative of an appendage's residual by one variable, in its own axes."""
+
+    force: Triple
+    torque: Triple
+    modal: Vector  # of its modes
 
 
 @compiled
@@ -102,8 +141,8 @@ def add_appendage(
     dj = symmetric_sums(w, n, x, v, 0)
     linear = plus(plus(scaled(m, velocity), cross(spin, s)), ds)
     angular = plus(plus(cross(s, velocity), symmetric(j, spin)), three_sums(w, n, x, v, 6 * n))
-    # one column a variable; the last 6 + n entries of work hold dr_V, dr_w, dr_q
-    out = np.empty(6 + n)
+    # one column a variable; out holds dr_q
+    out = np.empty(n)
     for k in range(8):
         if k >= 6 and not has_motor:
             break
@@ -141,42 +180,24 @@ def add_appendage(
         cross_velocity = plus(cross(d_velocity, spin), cross(velocity, d_spin))
         for i in range(n):
             along, moment_row = row_of(w, n, 9 * n, i), row_of(w, n, 6 * n, i)
-            out[6 + i] = dot(along, d_push) + dot(moment_row, d_alpha) - dot(along, cross_velocity)
-            out[6 + i] -= dot(spin, symmetric(symmetric_row(w, n, 0, i), d_spin))
+            out[i] = dot(along, d_push) + dot(moment_row, d_alpha) - dot(along, cross_velocity)
+            out[i] -= dot(spin, symmetric(symmetric_row(w, n, 0, i), d_spin))
         if second:
             for k2 in range(n):
                 rate_2 = 2.0 * x[v + k2]
                 for i in range(n):
                     g = row_of(p, n, rows + 9 * n * k2 + 6 * n, i)
-                    out[6 + i] += rate_2 * dot(g, d_spin)
+                    out[i] += rate_2 * dot(g, d_spin)
         if k < 6:
-            _place(p, b, e, fixed, force, torque, dv, k, out, row, n)
+            _add_column(p, b, e, row, _Derivative(force, torque, out), dv, k)
         elif k == 7:
-            _place(p, b, e, fixed, force, torque, dv, 6 + hinge, out, row, n)
+            _add_column(p, b, e, row, _Derivative(force, torque, out), dv, 6 + hinge)
         else:
-            _place(p, b, e, fixed, force, torque, dx, 6 + hinge, out, row, n)
+            _add_column(p, b, e, row, _Derivative(force, torque, out), dx, 6 + hinge)
             # the axes in which force and torque are given turn too
-            all_force, all_torque = _residual(
-                p,
-                b,
-                x,
-                a,
-                q,
-                v,
-                row,
-                w,
-                m,
-                s,
-                ds,
-                j,
-                dj,
-                linear,
-                angular,
-                velocity,
-                spin,
-                push,
-                alpha,
-            )
+            moments = _Moments(m, s, ds, j, dj)
+            motion = _Motion(velocity, spin, push, alpha, linear, angular)
+            all_force, all_torque = _residual(p, b, x, a, _Modes(v, row, w), moments, motion)
             pull = apply_transposed(e, cross(axis, all_force))
             body_torque = plus(cross(place, pull), apply_transposed(e, cross(axis, all_torque)))
             for c in range(3):
@@ -193,23 +214,23 @@ def add_appendage(
             force = plus(force, scaled(2.0, three_sums(p, n, x, v, mode_start)))
             torque = plus(torque, scaled(2.0, three_sums(p, n, x, v, mode_start + 3 * n)))
         for i in range(n):
-            out[6 + i] = p[rest + 2 * n + i * n + k]
+            out[i] = p[rest + 2 * n + i * n + k]
             if second:
-                out[6 + i] += 2.0 * dot(row_of(p, n, rows + 9 * n * k + 6 * n, i), spin)
-        _place(p, b, e, fixed, force, torque, dv, row + k, out, row, n)
+                out[i] += 2.0 * dot(row_of(p, n, rows + 9 * n * k + 6 * n, i), spin)
+        _add_column(p, b, e, row, _Derivative(force, torque, out), dv, row + k)
         # modal coordinate k
         force = plus(cross(alpha, along), cross(spin, cross(spin, along)))
         inner = plus(cross(along, velocity), inertia_term)
         torque = plus(cross(along, push), symmetric(symmetric_row(w, n, 0, k), alpha))
-        out[6:] = 0.0
+        out[:] = 0.0
         if second:
             t_row = rows + 9 * n * k
             torque = plus(torque, three_sums(p, n, a, row, t_row + 6 * n))
             torque = plus(torque, symmetric(symmetric_sums(p, n, x, v, t_row), spin))
             inner = plus(inner, three_sums(p, n, x, v, t_row + 6 * n))
             for i in range(n):
-                out[6 + i] = dot(row_of(p, n, t_row + 6 * n, i), alpha)
-                out[6 + i] -= 0.5 * dot(spin, symmetric(symmetric_row(p, n, t_row, i), spin))
+                out[i] = dot(row_of(p, n, t_row + 6 * n, i), alpha)
+                out[i] -= 0.5 * dot(spin, symmetric(symmetric_row(p, n, t_row, i), spin))
         if has_geometric:
             geometric_velocity = three_sums(p, n, x, v, mode_start)
             force = plus(force, three_sums(p, n, a, row, mode_start))
@@ -218,12 +239,12 @@ def add_appendage(
             inner = plus(inner, three_sums(p, n, x, v, mode_start + 3 * n))
             frame_acceleration = plus(push, cross(spin, velocity))
             for i in range(n):
-                out[6 + i] += dot(row_of(p, n, mode_start, i), frame_acceleration)
-                out[6 + i] += dot(row_of(p, n, mode_start + 3 * n, i), alpha)
-        out[6 + k] += p[rest + n + k]
+                out[i] += dot(row_of(p, n, mode_start, i), frame_acceleration)
+                out[i] += dot(row_of(p, n, mode_start + 3 * n, i), alpha)
+        out[k] += p[rest + n + k]
         torque = plus(torque, cross(spin, inner))
         torque = plus(torque, cross(velocity, cross(spin, along)))
-        _place(p, b, e, fixed, force, torque, dx, row + k, out, row, n)
+        _add_column(p, b, e, row, _Derivative(force, torque, out), dx, row + k)
     if has_motor:
         dx[6 + hinge, 6 + hinge] += p[b + at.HINGE_STIFFNESS]
         dv[6 + hinge, 6 + hinge] += p[b + at.HINGE_DAMPING]
@@ -231,60 +252,35 @@ def add_appendage(
 
 @called
 def _residual(
-    p: Vector,
-    b: int,
-    x: Vector,
-    a: Vector,
-    q: int,
-    v: int,
-    row: int,
-    w: Vector,
-    m: float,
-    s: Triple,
-    ds: Triple,
-    j: tuple[float, ...],
-    dj: tuple[float, ...],
-    linear: Triple,
-    angular: Triple,
-    velocity: Triple,
-    spin: Triple,
-    push: Triple,
-    alpha: Triple,
+    p: Vector, b: int, x: Vector, a: Vector, modes: _Modes, moments: _Moments, motion: _Motion
 ) -> tuple[Triple, Triple]:
     """Return r_V and r_w of an appendage in its own axes."""
-    n = int(p[b + at.COUNT])
+    m, s, ds, j, dj = moments
+    velocity, spin, push, alpha, linear, angular = motion
+    n, row, w = int(p[b + at.COUNT]), modes.row, modes.sums
     force = plus(plus(scaled(m, push), cross(alpha, s)), three_sums(w, n, a, row, 9 * n))
     force = plus(force, plus(cross(spin, ds), cross(spin, linear)))
     torque = plus(cross(s, push), symmetric(j, alpha))
     torque = plus(torque, three_sums(w, n, a, row, 6 * n))
     torque = plus(torque, plus(cross(ds, velocity), symmetric(dj, spin)))
     torque = plus(torque, plus(cross(spin, angular), cross(velocity, linear)))
-    rate_force, rate_torque = geometric_rate_terms(p, b, x, v)
+    rate_force, rate_torque = geometric_rate_terms(p, b, x, modes.v)
     return plus(force, rate_force), plus(torque, rate_torque)
 
 
 @called
-def _place(
-    p: Vector,
-    b: int,
-    e: Matrix3,
-    fixed: bool,
-    force: Triple,
-    torque: Triple,
-    to: Matrix,
-    column: int,
-    out: Vector,
-    row: int,
-    n: int,
+def _add_column(
+    p: Vector, b: int, e: Matrix3, row: int, derivative: _Derivative, to: Matrix, column: int
 ) -> None:
-    """Add one derivative, given in appendage axes, to a column of the spacecraft's."""
+    """Add one derivative, given in appendage axes e, to a column of the spacecraft's."""
+    force, torque, modal = derivative
     if p[b + at.KIND] == at.DRIVEN:
         to[6 + int(p[b + at.HINGE_INDEX]), column] += dot(triple(p, b + at.AXIS), torque)
-    if not fixed:
+    if p[b + at.KIND] != at.FIXED:
         force = apply_transposed(e, force)
         torque = plus(apply_transposed(e, torque), cross(triple(p, b + at.PLACE), force))
     for c in range(3):
         to[c, column] += force[c]
         to[3 + c, column] += torque[c]
-    for i in range(n):
-        to[row + i, column] += out[6 + i]
+    for i in range(modal.size):
+        to[row + i, column] += modal[i]

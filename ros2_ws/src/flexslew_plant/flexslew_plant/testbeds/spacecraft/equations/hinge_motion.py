@@ -36,8 +36,9 @@ def share(p: Vector, m: int, s: float) -> tuple[float, float, float]:
         return 1.0 - 2.0 * (1.0 - s) ** 2, 4.0 * (1.0 - s), -4.0
     row, last = int(p[m + at.TABLE_AT]), int(p[m + at.ROWS]) - 1
     k = 0
-    while k < last - 1 and s >= p[row + 4 * (k + 1)]:
-        k += 1
+    for later in range(1, last):
+        if s >= p[row + 4 * later]:
+            k = later
     r = row + 4 * k
     h = p[r + 4] - p[r]
     u = (s - p[r]) / h

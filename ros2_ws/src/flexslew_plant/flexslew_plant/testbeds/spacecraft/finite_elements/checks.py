@@ -170,12 +170,12 @@ def doubts(reduction: Reduction, size: float | None) -> list[str]:
             f"a rigid motion has {strained:.2g} of the first frequency, where 0 is due: the "
             "matrices have too few digits, or a weak support is left in them"
         )
-    if reduction.condition > _ILL:
+    if reduction.condition is not None and reduction.condition > _ILL:
         found.append(
             f"the clamped stiffness has a condition of {reduction.condition:.1e}: the frequencies "
             "lose digits; look for parts that are far too stiff or hardly held"
         )
-    if reduction.residual > _RESIDUAL:
+    if reduction.residual is not None and reduction.residual > _RESIDUAL:
         found.append(
             f"the modes have a residual of {reduction.residual:.1e}: they are not accurate"
         )

@@ -16,12 +16,17 @@ from flexslew_plant.testbeds.spacecraft.finite_elements.checks import (
     require_matrices,
     require_rigid,
 )
+from flexslew_plant.testbeds.spacecraft.finite_elements.clamped_modes import clamped_modes
 from flexslew_plant.testbeds.spacecraft.finite_elements.modal_content import modal_content
 from flexslew_plant.testbeds.spacecraft.finite_elements.model import (
     MODEL_UNITS,
     FiniteElementModel,
 )
-from flexslew_plant.testbeds.spacecraft.finite_elements.readers import contents_of, read_model
+from flexslew_plant.testbeds.spacecraft.finite_elements.readers import (
+    MODES,
+    contents_of,
+    read_model,
+)
 from flexslew_plant.testbeds.spacecraft.finite_elements.reduction import Reduction, reduce_model
 
 
@@ -81,19 +86,26 @@ def _imported(
         words = f"{spelling_hint(options.units, MODEL_UNITS)}allowed: {', '.join(MODEL_UNITS)}"
         raise BadInput(words, path, "units", options.units)
     units = MODEL_UNITS[options.units]
-    given = read_model(path, dict(contents))
-    require_matrices(given, path)
-    boundary = boundary_rows(given, options.boundary, path)
-    model = given.in_si(units, boundary)
     origin = None if options.origin is None else np.array(options.origin) * units.length
-    if origin is not None and model.nodes is None:
-        raise BadInput("the file has no nodes: the interface is its origin", path, "origin")
-    reduction = reduce_model(model, boundary, options.modes, origin, path)
+    if path.suffix.lower() == MODES[0]:
+        if options.boundary:
+            words = "the modes of this file are clamped already: leave it out"
+            raise BadInput(words, path, "boundary", ",".join(options.boundary))
+        model, reduction, found = clamped_modes(path, dict(contents), units, options.modes, origin)
+    else:
+        found = []
+        given = read_model(path, dict(contents))
+        require_matrices(given, path)
+        boundary = boundary_rows(given, options.boundary, path)
+        model = given.in_si(units, boundary)
+        if origin is not None and model.nodes is None:
+            raise BadInput("the file has no nodes: the interface is its origin", path, "origin")
+        reduction = reduce_model(model, boundary, options.modes, origin, path)
     rigid = require_rigid(reduction, path)
     size = None if model.nodes is None else float(np.ptp(model.nodes, axis=0).max())
     content = modal_content(model, reduction, rigid, _ratios(reduction, options, path),
                             _tip(model, options.tip, path))  # fmt: skip
-    found = doubts(reduction, size)
+    found += doubts(reduction, size)
     if model.unused:
         found.append(f"variables that are not used: {', '.join(model.unused):.200}")
     return ImportedModel(model, reduction, content, found)

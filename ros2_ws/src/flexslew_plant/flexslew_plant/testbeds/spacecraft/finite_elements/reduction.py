@@ -44,8 +44,9 @@ class Reduction:
         rigid: R^T M R, shape (6, 6) [kg, kg m, kg m^2].
         strain: R^T K R, which is zero where nothing but the boundary holds the model, (6, 6).
         damping: Phi^T C Phi, shape (m, m) [1/s]; None: the model has no damping.
-        condition: estimate of the condition of the clamped stiffness, in the 1-norm [-].
-        residual: largest |K phi - omega^2 M phi| / |K phi| of the modes [-].
+        condition: estimate of the condition of the clamped stiffness, in the 1-norm [-]; None:
+            the modes were computed by another program.
+        residual: largest |K phi - omega^2 M phi| / |K phi| of the modes [-]; likewise.
     """
 
     origin: Vector
@@ -55,8 +56,8 @@ class Reduction:
     rigid: Matrix
     strain: Matrix
     damping: Matrix | None
-    condition: float
-    residual: float
+    condition: float | None
+    residual: float | None
 
     @property
     def effective_mass(self) -> Matrix:

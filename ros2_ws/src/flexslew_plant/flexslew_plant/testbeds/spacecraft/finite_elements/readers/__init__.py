@@ -1,5 +1,6 @@
 """Readers of finite element models, by the ending of the file."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,22 +12,39 @@ from flexslew_plant.testbeds.spacecraft.finite_elements.readers.calculix import 
     ENDINGS as CALCULIX,
 )
 from flexslew_plant.testbeds.spacecraft.finite_elements.readers.calculix import calculix_model
+from flexslew_plant.testbeds.spacecraft.finite_elements.readers.nastran import (
+    BESIDE,
+    OUTPUT2,
+    PUNCH,
+    output2_model,
+    punch_model,
+)
 from flexslew_plant.testbeds.spacecraft.finite_elements.readers.op4 import op4_model
 
 LARGEST = 256 * MIB  # of a file [bytes]
+MODES = (".frd", ".dat")  # files of clamped modes, which `clamped_modes` reads, by the first
 _READERS: dict[str, tuple[tuple[str, ...], Callable[[Path, dict[str, bytes]], FiniteElementModel]]]
 _READERS = {
     ".npz": ((), npz_model),
     ".mat": ((), mat_model),
     ".op4": ((), op4_model),
+    OUTPUT2: ((), output2_model),
+    PUNCH: ((), punch_model),
     **dict.fromkeys(CALCULIX, (CALCULIX, calculix_model)),
 }
 
 
+MODEL_ENDINGS = tuple(dict.fromkeys((*_READERS, *MODES, *BESIDE)))  # of all files of models
+
+
 def files_of(path: Path) -> list[Path]:
     """Return the files that are read where one of this name is: itself, or those of its model."""
-    beside, _ = _READERS.get(path.suffix.lower(), ((), None))
-    return [path.with_suffix(ending) for ending in beside] or [path]
+    ending = path.suffix.lower()
+    beside = MODES if ending == MODES[0] else _READERS.get(ending, ((), None))[0]
+    files = [path.with_suffix(ending) for ending in beside] or [path]
+    if ending == PUNCH:
+        files += [file for file in map(path.with_suffix, BESIDE) if os.path.isfile(file)]
+    return files
 
 
 def contents_of(path: Path) -> dict[str, bytes]:
@@ -35,8 +53,8 @@ def contents_of(path: Path) -> dict[str, bytes]:
     Raises:
         BadInput: the ending is unknown, or a file cannot be read.
     """
-    if path.suffix.lower() not in _READERS:
-        words = f"a finite element model ends in {', '.join(_READERS)}"
+    if path.suffix.lower() not in (*_READERS, MODES[0]):
+        words = f"a finite element model ends in {', '.join((*_READERS, MODES[0]))}"
         raise BadInput(words, path, value=path.suffix)
     return {file.suffix: given_bytes(file, LARGEST) for file in files_of(path)}
 

@@ -31,7 +31,8 @@ from flexslew_plant.testbeds.spacecraft.finite_elements.model import FiniteEleme
 
 MATRICES = ("M", "K", "C")
 ARRAYS = ("nodes", "numbers", "dof", "boundary")
-ALIASES = {f"{m}{s}": k for m, k in zip("MKB", "MKC", strict=True) for s in ("AA", "GG")}
+_SETS = ("AA", "GG", "XX", "AAX")
+ALIASES = {f"{m}{s}": k for m, k in zip("MKB", "MKC", strict=True) for s in _SETS}
 _MOST = 10 * LARGEST  # numbers of an array that is not sparse
 _TRIPLETS = tuple(f"{name}_{part}" for name in MATRICES for part in ("row", "col", "data"))
 

@@ -1,7 +1,7 @@
 """Matrices of Nastran's OUTPUT4 files (.op4): text, or binary of either byte order.
 
-Mass and stiffness are M and K, or as the analysis set is called: MAA, KAA, MGG, KGG. Other matrices
-(NODES, DOF, NUMBERS, BOUNDARY, C or BAA) are named as in `arrays`; rows count from 1.
+Mass and stiffness are M and K, or as the sets are called: MAA, KAA, MGG, KGG, MXX, KXX. Other
+matrices (NODES, DOF, NUMBERS, BOUNDARY, C or BAA) are named as in `arrays`; rows count from 1.
 
 A matrix is a header (columns, rows, form, type, name), then per column (column, first row, words)
 and its numbers; in a sparse column, whose first row is 0, strings of numbers with their own heads
@@ -39,7 +39,15 @@ def op4_model(path: Path, contents: dict[str, bytes]) -> FiniteElementModel:
     Raises:
         BadInput: it is damaged, or see model_of_arrays.
     """
-    content = contents[path.suffix]
+    return model_of_arrays(op4_matrices(path, contents[path.suffix]), 1, path)
+
+
+def op4_matrices(path: Path, content: bytes) -> dict[str, Any]:
+    """Return the matrices of an .op4 file, by the names of `arrays`.
+
+    Raises:
+        BadInput: it is damaged.
+    """
     data: dict[str, Any] = {}
     try:
         text = content[:8].strip().isdigit()
@@ -51,7 +59,7 @@ def op4_model(path: Path, contents: dict[str, bytes]) -> FiniteElementModel:
     except (ValueError, IndexError, EOFError, OverflowError) as error:
         why = str(error) or "it is cut off"
         raise BadInput(f"is not an OUTPUT4 file, or damaged: {why:.120}", path) from None
-    return model_of_arrays(data, 1, path)
+    return data
 
 
 def _text(content: bytes) -> Iterator[tuple[str, coo_array]]:

@@ -1,0 +1,1 @@
+"""Options of commands: in groups, with units, and the one that names a program."""

@@ -1,0 +1,1 @@
+"""What commands show: results on a terminal, help, pages in a browser."""

@@ -1,0 +1,231 @@
+"""What may be uncertain in a trial, and the sampled loop at any of its values."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from flexslew_control.analysis.linear_plant import PlantPath, sampled_plant
+from flexslew_control.analysis.lti import Lti
+from flexslew_control.analysis.rest import Rest, rest_of
+from flexslew_lab.guarantee.box import Box
+from flexslew_lab.trial.trial import Trial
+from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.keys.units import number_in
+from flexslew_plant.settings import plain
+from flexslew_plant.testbeds import Testbed, with_changes
+
+Spread: TypeAlias = float | str | Sequence[float | str]  # of one parameter
+Vary: TypeAlias = Mapping[str, Spread]
+
+NAMED = {
+    "stiffness": "factor on the testbed's stiffness [-]",
+    "payload": "factor on the testbed's payload [-]",
+    "gain": "factor on the efforts of all motors [-]",
+    "gain.JOINT": "factor on the effort of one motor [-]",
+    "lag": "time constant of the motors [s]",
+    "delay": "delay of all commands, in addition to that of the trial [s]",
+    "testbed.KEY": "a number of the testbed's section",
+}
+DEFAULT = {"stiffness": 0.2, "payload": 0.2}  # as the other plants of an analysis
+
+
+class Uncertain(NamedTuple):
+    """One parameter.
+
+    Args:
+        name: as it was given.
+        nominal: of the trial.
+        low, high: its range.
+        unit: of these.
+        relative: half of the range, of the nominal value; None: given as two ends.
+    """
+
+    name: str
+    nominal: float
+    low: float
+    high: float
+    unit: str
+    relative: float | None
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Where a trial's plant is linear: what stands there, where, and the path to its motors."""
+
+    trial: Trial
+    testbed: Testbed
+    joints: Mapping[str, float]
+    rest: Rest
+    path: PlantPath
+
+    def changed(self, changes: Mapping[str, float]) -> "Situation":
+        """Return it with values of uncertain parameters by name, see NAMED.
+
+        Raises:
+            BadInput: if a value is not allowed.
+        """
+        testbed, path = self.testbed, self.path
+        efforts = len(self.rest.model.joint_names)
+        factors = {k: v for k, v in changes.items() if k in ("stiffness", "payload")}
+        if factors:
+            testbed = testbed.scaled(**factors)
+        keys: dict[str, Any] = {}
+        for name, value in changes.items():
+            if name.startswith("testbed."):
+                _put(keys, name.split(".")[1:], value)
+            elif name == "gain" or name.startswith("gain."):
+                gain = np.ones(efforts) if path.gain is None else path.gain.copy()
+                one = name.partition(".")[2]
+                which = self.rest.model.joint_names.index(one) if one else slice(None)
+                gain[which] *= value
+                path = replace(path, gain=gain)
+            elif name == "lag":
+                path = replace(path, actuator=replace(path.actuator, lag=value))
+            elif name == "delay":
+                late = np.zeros(efforts) if path.delay is None else path.delay
+                path = replace(path, delay=late + value / path.period)
+        if keys:
+            testbed = with_changes(testbed, keys, "vary")
+        if testbed is self.testbed:
+            return replace(self, path=path)
+        rest = rest_of(testbed, dict(self.joints), self.rest.time)
+        return replace(self, testbed=testbed, rest=rest, path=path)
+
+    @property
+    def plant(self) -> Lti:
+        """The sampled plant, its applied efforts among the outputs."""
+        return sampled_plant(self.rest, self.path, applied=True)
+
+
+def uncertain_parameters(situation: Situation, vary: Vary) -> tuple[Uncertain, ...]:
+    """Return the uncertain parameters of a trial.
+
+    Args:
+        situation: of the trial.
+        vary: name (see NAMED) to half of the range relative to the nominal value (0.2 or "20 %"),
+            or to its two ends ([0.5, 2.0], with units as in a trial file).
+
+    Raises:
+        BadInput: if a name or a range is not understood, or has no effect.
+    """
+    if not vary:
+        raise BadInput(f"give at least one parameter; allowed: {', '.join(NAMED)}", key="vary")
+    return tuple(_parameter(situation, name, spread) for name, spread in vary.items())
+
+
+def vary_of(assignments: Sequence[str]) -> Vary:
+    """Return `name=20%` and `name=low..high` as ranges by name.
+
+    Raises:
+        BadInput: if there is no `=`, or nothing on a side of it.
+    """
+    found: dict[str, Spread] = {}
+    for assignment in assignments:
+        name, _, text = (part.strip() for part in assignment.partition("="))
+        if not name or not text:
+            raise BadInput("give name=20% or name=low..high", "--vary", value=assignment)
+        ends = [end.strip() for end in text.split("..")]
+        found[name] = text if len(ends) == 1 else [_number(end) for end in ends]
+    return found
+
+
+def _number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text  # a quantity, such as 5 ms
+
+
+def box_of(parameters: Sequence[Uncertain]) -> Box:
+    """Return the ranges of parameters as a box."""
+    low, high = (np.array([getattr(p, key) for p in parameters]) for key in ("low", "high"))
+    return Box((low + high) / 2.0, (high - low) / 2.0)
+
+
+def loop_values(parameters: Sequence[Uncertain], values: Vector) -> dict[str, float]:
+    """Return values by the names of parameters."""
+    return {p.name: float(v) for p, v in zip(parameters, values, strict=True)}
+
+
+def largest_scale(parameters: Sequence[Uncertain], most: float) -> float:
+    """Return how far ranges can grow about their centres until one of them touches zero [-].
+
+    A range that begins at zero or below does not grow.
+    """
+    limits = [most]
+    for p in parameters:
+        centre, radius = (p.low + p.high) / 2.0, (p.high - p.low) / 2.0
+        limits.append(1.0 if p.low <= 0.0 else 0.98 * centre / radius)
+    return max(1.0, min(limits))
+
+
+def _parameter(situation: Situation, name: str, spread: Spread) -> Uncertain:
+    nominal, unit = _nominal(situation, name)
+    if isinstance(spread, float | int | str):
+        share = _share(name, spread)
+        if nominal == 0.0:
+            raise BadInput(
+                "is zero in this trial: give its two ends", key=f"vary.{name}", value=spread
+            )
+        low, high = sorted((nominal * (1.0 - share), nominal * (1.0 + share)))
+        return _allowed(Uncertain(name, nominal, low, high, unit, share))
+    if len(spread) != 2:
+        raise BadInput("two ends, low and high", key=f"vary.{name}", value=list(spread))
+    low, high = (number_in(end, (unit or "-",), f"vary.{name}") for end in spread)
+    return _allowed(Uncertain(name, nominal, low, high, unit, None))
+
+
+def _share(name: str, spread: float | str) -> float:
+    """Return half of a range relative to the nominal value."""
+    text = str(spread).strip()
+    number = re.fullmatch(r"(?:\+-|±)?\s*([0-9.eE+-]+)\s*(%?)", text)
+    try:
+        share = float(number[1]) * (0.01 if number[2] else 1.0) if number else np.nan
+    except ValueError:
+        share = np.nan
+    if not 0.0 < share < 1.0:
+        raise BadInput("between 0 and 1, or as 20 %, or two ends", key=f"vary.{name}", value=spread)
+    return share
+
+
+def _allowed(parameter: Uncertain) -> Uncertain:
+    p = parameter
+    if not (np.isfinite(p.low) and np.isfinite(p.high) and p.low < p.high):
+        raise BadInput(
+            "low end below high end, finite", key=f"vary.{p.name}", value=[p.low, p.high]
+        )
+    if p.low < 0.0 and not p.name.startswith("testbed."):
+        raise BadInput("0 or more", key=f"vary.{p.name}", value=p.low)
+    return p
+
+
+def _nominal(situation: Situation, name: str) -> tuple[float, str]:
+    """Return the value of a parameter in the trial, and its unit."""
+    joints = situation.rest.model.joint_names
+    if name in ("stiffness", "payload", "gain"):
+        return 1.0, ""
+    if name.startswith("gain.") and name.partition(".")[2] in joints:
+        return 1.0, ""
+    if name == "lag":
+        return situation.path.actuator.lag, "s"
+    if name == "delay":
+        return 0.0, "s"
+    if name.startswith("testbed."):
+        value: Any = plain(situation.testbed)
+        for part in name.split(".")[1:]:
+            value = value.get(part) if isinstance(value, Mapping) else None
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            return float(value), ""
+        raise BadInput("is no number of this testbed's section", key=f"vary.{name}")
+    known = ", ".join(NAMED)
+    raise BadInput(f"vary: no parameter {name!r}; allowed: {known}")
+
+
+def _put(tree: dict[str, Any], parts: Sequence[str], value: float) -> None:
+    for part in parts[:-1]:
+        tree = tree.setdefault(part, {})
+    tree[parts[-1]] = value

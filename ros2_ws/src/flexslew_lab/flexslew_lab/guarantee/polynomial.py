@@ -1,0 +1,99 @@
+"""A matrix that depends on parameters, as a polynomial over a box."""
+
+from collections.abc import Callable
+from itertools import combinations_with_replacement
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_lab.guarantee.box import Box, corners
+from flexslew_plant.arrays import Matrix, Tensor, Vector
+
+Power = tuple[int, ...]  # numbers of the parameters in a product, in ascending order
+
+EXACT = 1e-8  # error at which a fit ends, of the largest entry [-]
+_MOST_TERMS = 130
+_DEGREE = 8
+_SPREAD = 1.6  # points of a fit for each term
+_INSIDE = 1.0 - 1e-6  # a delay changes the number of states at whole ticks, the sides of a box
+_CHECKS, _MOST_CORNERS = 24, 64
+
+
+class Polynomial(NamedTuple):
+    """S(delta) = sum of S_a delta^a over a box.
+
+    Args:
+        terms: S_a by the parameters in the product delta^a; () is the constant.
+        parameters: their number.
+    """
+
+    terms: dict[Power, Matrix]
+    parameters: int
+
+    def at(self, delta: Vector) -> Matrix:
+        """Return S at normalised coordinates, shape (m,)."""
+        return np.asarray(sum(_product(delta, power) * s for power, s in self.terms.items()))
+
+
+class MatrixSamples(NamedTuple):
+    """A matrix at points of a box that no fit has used."""
+
+    delta: Matrix  # shape (k, m)
+    values: Tensor  # shape (k, rows, columns)
+
+
+def checks(function: Callable[[Vector], Matrix], box: Box, seed: int = 2) -> MatrixSamples:
+    """Return a matrix at corners of a box, and at random points within."""
+    rng, m = np.random.default_rng(seed), len(box.centre)
+    outer = corners(m)
+    if len(outer) > _MOST_CORNERS:
+        outer = outer[rng.choice(len(outer), _MOST_CORNERS, replace=False)]
+    delta = _INSIDE * np.vstack((outer, rng.uniform(-1.0, 1.0, (_CHECKS, m))))
+    return MatrixSamples(delta, np.array([function(box.at(d)) for d in delta]))
+
+
+def polynomial_over(
+    function: Callable[[Vector], Matrix], box: Box, samples: MatrixSamples
+) -> Polynomial:
+    """Return the polynomial of least degree that has an error of EXACT, else the nearest one.
+
+    Least squares at points denser towards the sides of the box, as Chebyshev's are. The degree
+    rises until the error at other points is EXACT, or the terms are too many.
+
+    Args:
+        function: from values, shape (m,), to a matrix.
+        box: of the values.
+        samples: of the function at other points of the box.
+    """
+    m, rng = len(box.centre), np.random.default_rng(1)
+    points: Matrix = np.zeros((1, m))
+    values = [function(box.at(points[0]))]
+    scale = max(float(abs(samples.values).max()), 1e-300)
+    best, least = Polynomial({(): values[0]}, m), np.inf
+    for degree in range(1, _DEGREE + 1):
+        powers = [p for d in range(degree + 1) for p in combinations_with_replacement(range(m), d)]
+        if len(powers) > _MOST_TERMS:
+            break
+        missing = int(np.ceil(_SPREAD * len(powers))) + 2 * m - len(values)
+        more = _INSIDE * np.cos(np.pi * rng.uniform(size=(missing, m)))
+        points = np.vstack((points, more))
+        values += [function(box.at(delta)) for delta in more]
+        rows = np.array([[_product(delta, power) for power in powers] for delta in points])
+        flat = np.array([value.ravel() for value in values])
+        found = np.linalg.lstsq(rows, flat, rcond=None)[0]
+        fitted = Polynomial(
+            {p: row.reshape(values[0].shape) for p, row in zip(powers, found, strict=True)}, m
+        )
+        error = max(
+            float(abs(fitted.at(d) - s).max())
+            for d, s in zip(samples.delta, samples.values, strict=True)
+        )
+        if error < least:
+            best, least = fitted, error
+        if least <= EXACT * scale:
+            break
+    return best
+
+
+def _product(delta: Vector, power: Power) -> float:
+    return float(np.prod(delta[list(power)])) if power else 1.0

@@ -1,0 +1,1 @@
+"""Controllers of other processes in lock-step with a plant: for replays, and to check them."""

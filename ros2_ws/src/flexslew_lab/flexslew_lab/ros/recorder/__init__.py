@@ -1,0 +1,1 @@
+"""The parts of the `recorder` node: its parameters, and the messages that it receives."""

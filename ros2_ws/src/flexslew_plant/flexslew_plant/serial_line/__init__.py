@@ -1,0 +1,4 @@
+"""Messages over a serial line: frames with a checksum, and questions that are repeated.
+
+Offers: exchange, port.
+"""

@@ -1,0 +1,4 @@
+"""Testbeds that are black boxes: a plant that flies and has no equations here.
+
+Offers: model.
+"""

@@ -1,0 +1,1 @@
+"""Orientations: quaternions, and attitudes as the positions of joints."""
