@@ -138,3 +138,29 @@ cli.main()
     (tmp_path / "bench.py").write_text(program)
     done = subprocess.run([sys.executable, "-m", "bench"], cwd=tmp_path, check=False)
     assert done.returncode == 130
+
+
+def test_an_interrupt_that_compiled_code_reports_as_an_error_is_still_an_interrupt(
+    tmp_path: Path,
+) -> None:
+    """Numba calls a method of Python for each function that it is given, and loses its argument."""
+    program = """
+import signal
+from flexslew_lab.cli import main as cli
+
+def command(**_):
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        pass
+    raise TypeError("_get_wrapper_address() missing 1 required positional argument: 'sig'")
+
+cli.get_command = lambda app: None
+cli.without_types = lambda app: command
+cli.main()
+"""
+    (tmp_path / "bench.py").write_text(program)
+    done = subprocess.run(
+        [sys.executable, "-m", "bench"], cwd=tmp_path, check=False, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr.splitlines()) == (130, ["interrupted"])

@@ -14,6 +14,7 @@ SIGNAL_EXIT_CODE = 130  # exit code
 EXIT_TIMEOUT = 1.5  # until the process ends, for any cause of delay [wall s]
 NODES_EXIT_TIMEOUT = 30.0  # the same where files have to be closed [wall s]
 _patience = EXIT_TIMEOUT
+_received = False
 
 
 def set_import_handler() -> None:
@@ -32,11 +33,28 @@ def while_running() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+    global _received
+    _received = False
     before = signal.signal(signal.SIGINT, _interrupt)
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def interrupts_only() -> Iterator[None]:
+    """Raise KeyboardInterrupt in place of the error that compiled code makes of it.
+
+    An interrupt within a call of compiled code leaves a Python object unset, and what is reported
+    is the TypeError or SystemError of its first use.
+    """
+    try:
+        yield
+    except Exception as error:
+        if _received:
+            raise KeyboardInterrupt from error
+        raise
 
 
 @contextmanager
@@ -51,6 +69,8 @@ def exit_timeout(seconds: float) -> Iterator[None]:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
+    global _received
+    _received = True
     signal.signal(signal.SIGINT, _end_at_once)  # a second one does not wait
     timer = threading.Timer(_patience, _end_at_once, (number, None))
     timer.daemon = True

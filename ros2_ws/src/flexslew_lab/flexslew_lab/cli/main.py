@@ -28,6 +28,7 @@ from flexslew_lab.cli.interrupt import (
     NODES_EXIT_TIMEOUT,
     SIGNAL_EXIT_CODE,
     exit_timeout,
+    interrupts_only,
     while_running,
 )
 from flexslew_lab.cli.log import Json, log, reading_limits, recover
@@ -399,11 +400,13 @@ def _exit_code() -> int:
     try:
         _require_text(sys.argv[1:])
         command = without_types(get_command(app))
-        code = command(prog_name=_called(), standalone_mode=False) or 0
+        with interrupts_only():
+            try:
+                code = command(prog_name=_called(), standalone_mode=False) or 0
+            except typer.Exit as leave:
+                code = leave.exit_code
         if code == SIGNAL_EXIT_CODE:  # how typer passes a KeyboardInterrupt on
             print_message("interrupted")
-    except typer.Exit as leave:
-        code = leave.exit_code
     except (typer.Abort, KeyboardInterrupt):
         print_message("interrupted")
         code = SIGNAL_EXIT_CODE
