@@ -13,6 +13,7 @@ import pytest
 gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
+from tests.lab.gym.bench_environment import BenchEnvironment  # noqa: E402
 from tests.present import present  # noqa: E402
 
 from flexslew_lab.benchmark.task import development_seeds, load_task, task_names  # noqa: E402
@@ -83,19 +84,23 @@ def test_the_same_seed_gives_the_same_bits() -> None:
 def test_members_of_a_batch_are_those_of_the_bench_with_the_same_seeds(
     task: str, settings: dict[str, Any]
 ) -> None:
-    many, env = VectorSlew(66, task, **settings), SlewEnvironment(task, **settings)
+    many, one = VectorSlew(66, task, **settings), SlewEnvironment(task, **settings)
     joints = present(many.single_action_space.shape)[0]
     actions = np.random.default_rng(1).uniform(-1.0, 1.0, (TICKS, 66, joints))
     started, info = many.reset(seed=3)
     steps = [many.step(action) for action in actions]
     for member in (0, 65):
-        first, own = env.reset(seed=3 + member)
+        first, own = one.reset(seed=3 + member)
         assert own["member"] == info["member"][member]
-        np.testing.assert_allclose(started[member], first, atol=TOLERANCE)
+        bench = BenchEnvironment(task, settings, own["member"])
+        np.testing.assert_allclose(started[member], bench.observation, atol=TOLERANCE)
+        np.testing.assert_allclose(first, bench.observation, atol=TOLERANCE)
         for (observed, reward, *_), action in zip(steps, actions[:, member], strict=True):
-            theirs, growth, *_ = env.step(action)
-            np.testing.assert_allclose(observed[member], theirs, rtol=TOLERANCE, atol=TOLERANCE)
-            assert reward[member] == pytest.approx(growth, abs=1e-6)
+            theirs, growth, *_ = one.step(action)
+            on_bench = bench.step(action)
+            for found in (theirs, observed[member]):
+                np.testing.assert_allclose(found, bench.observation, rtol=TOLERANCE, atol=TOLERANCE)
+            assert (growth, reward[member]) == pytest.approx((on_bench, on_bench), abs=1e-6)
 
 
 def test_rewards_add_up_to_the_score_and_all_members_are_reset_after_the_end() -> None:
@@ -114,17 +119,16 @@ def test_rewards_add_up_to_the_score_and_all_members_are_reset_after_the_end() -
     assert (before["member"] != after["member"]).all()
 
 
-def test_the_score_of_an_environment_is_that_of_its_member_in_a_batch() -> None:
-    env, many = SlewEnvironment(TASK, **BASE), VectorSlew(1, TASK, **BASE)
+def test_the_score_of_an_environment_is_that_of_its_member_on_the_bench() -> None:
+    env, bench = SlewEnvironment(TASK, **BASE), BenchEnvironment(TASK, BASE, 5)
     env.reset(options={"member": 5})
-    many.reset(options={"member": [5]})
-    total, over, info, theirs = 0.0, False, dict[str, Any](), dict[str, Any]()
+    total, over, info = 0.0, False, dict[str, Any]()
     while not over:
-        *_, theirs = many.step(np.full((1, 2), 0.05))
+        bench.step(np.full(2, 0.05))
         _, reward, _, over, info = env.step(np.full(2, 0.05))
         total += reward
     assert total == pytest.approx(info["score"] - 100.0, abs=1e-9)
-    assert theirs["score"][0] == pytest.approx(info["score"], abs=1e-9)
+    assert bench.score() == pytest.approx(info["score"], abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""A benchmark task as an environment: one member on the bench, one step a tick."""
+"""A benchmark task as an environment: one member, one step a tick."""
 
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -6,17 +6,11 @@ from typing import Any, ClassVar
 import gymnasium
 import numpy as np
 
-from flexslew_control.plan import Plan
-from flexslew_lab.gym.episodes import Episodes, checked_actions, member_seed
+from flexslew_lab.gym.episodes import Episodes, checked_actions, member_seed, option_member
+from flexslew_lab.gym.members import Members
 from flexslew_lab.gym.picture import ScenePicture
-from flexslew_lab.gym.running_score import RunningScore
-from flexslew_lab.run.metrics_observer import MetricsObserver
-from flexslew_lab.studies.flight import columns_of
-from flexslew_lab.trial.trial import set_plan, set_up
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
-from flexslew_plant.events import Started
 
 _FRAMES = 25  # pictures in a second of simulated time
 
@@ -57,8 +51,9 @@ class SlewEnvironment(gymnasium.Env[Vector, Any]):
         self._episodes, self.render_mode = Episodes(task, base, authority, plan), render_mode
         self.observation_space = self._episodes.observation_space
         self.action_space = self._episodes.action_space
+        self._members = Members(self._episodes, 1)
         self._picture: ScenePicture | None = None
-        self._bench: Bench | None = None
+        self._frame_ticks = max(round(1.0 / (_FRAMES * self._episodes.task.trial.period)), 1)
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -78,28 +73,13 @@ class SlewEnvironment(gymnasium.Env[Vector, Any]):
             BadInput: an option is not known.
         """
         super().reset(seed=seed)
-        for name in options or {}:
-            if name != "member":
-                raise BadInput("is not known; allowed: member", "options", name)
-        number = member_seed(self.np_random)
-        number = int((options or {}).get("member", number))
-        trial, episodes = self._episodes.trial(number), self._episodes
-        bench, controllers = set_up(trial, trial.name)
-        made: Plan | None = episodes.plan(trial)
-        refusal = set_plan(controllers, trial.active, made)
-        if refusal is not None:
-            raise BadInput(str(refusal), trial.name)
-        self._bench, self._controller = bench, controllers[trial.active]
-        self._law: Any = self._controller.law
-        self._observer = MetricsObserver(bench, made)
-        self._running = RunningScore(bench, made, episodes.terms)
+        given, drawn = option_member(options), member_seed(self.np_random)
+        member = drawn if given is None else int(given)
+        self._members.begin([member])
         self._steps = 0
-        bench.tell(Started())
-        self._score = self._measured(bench)
-        self._observation = self._observe(bench)
         if self.render_mode == "human":
             self.render()
-        return self._observation, {"member": number}
+        return self._members.observations[0].copy(), {"member": member}
 
     def step(self, action: Any) -> Step:
         """Let an action act for a tick.
@@ -112,65 +92,29 @@ class SlewEnvironment(gymnasium.Env[Vector, Any]):
             BadInput: the action has another shape or is not finite, or the environment is not
                 reset.
         """
-        bench, episodes = self._bench, self._episodes
-        if bench is None or self._steps >= episodes.ticks:
+        members = self._members
+        if members.is_over:
             raise BadInput("reset the environment first", "step")
-        self._law.action = checked_actions(action, self._law.limit.shape)
-        if not bench.failure:
-            answer = self._controller.observe(bench.question)
-            if answer is not None:
-                bench.offer(answer.command)
-            bench.advance()
-        before = self._score
-        if not bench.failure:
-            self._score = self._measured(bench)
-            self._observation = self._observe(bench)
+        members.step(checked_actions(action, (self._episodes.joints,))[np.newaxis])
         self._steps += 1
-        over, info = self._steps == episodes.ticks, dict[str, Any]()
-        reward = self._score - before
+        over, info = members.is_over, dict[str, Any]()
         if over:
-            metrics = None if bench.failure else columns_of(self._observer.result())
-            info = {"score": episodes.score(metrics), "failure": episodes.failure(metrics)}
-            reward += info["score"] - self._score - episodes.unmeasured
-        if self.render_mode == "human" and self._steps % self._ticks_per_frame == 0:
+            info = {"score": float(members.scores[0]), "failure": members.failures[0]}
+        if self.render_mode == "human" and self._steps % self._frame_ticks == 0:
             self.render()
-        return self._observation, reward, False, over, info
+        return members.observations[0].copy(), float(members.rewards[0]), False, over, info
 
     def render(self) -> Any:
         """Return a picture of the testbed, shape (height, width, 3) of uint8, or show it."""
-        if self._bench is None or self.render_mode is None:
+        members = self._members
+        if not members.has_begun or self.render_mode is None:
             return None
         if self._picture is None:
-            self._picture = ScenePicture(self._bench.testbed, self.render_mode == "human")
-        truth = self._bench.truth()
-        return self._picture.draw(truth.position, truth.time)
+            self._picture = ScenePicture(self._episodes.testbed, self.render_mode == "human")
+        return self._picture.draw(members.positions(0), members.time)
 
     def close(self) -> None:
-        """Close the picture and the bench."""
+        """Close the picture."""
         if self._picture is not None:
             self._picture.close()
             self._picture = None
-        if self._bench is not None:
-            self._bench.close()
-            self._bench = None
-
-    @property
-    def _ticks_per_frame(self) -> int:
-        return max(round(1.0 / (_FRAMES * self._episodes.task.trial.period)), 1)
-
-    def _observe(self, bench: Bench) -> Vector:
-        """Return the observation of this tick; the controller's estimator takes its measurement."""
-        question, controller = bench.question, self._controller
-        controller.observe(question._replace(controller=""))  # estimated, and not answered yet
-        observed: Vector = self._law.observe(
-            question, controller.estimate, controller.reference(question.tick)
-        )
-        return np.where(np.isfinite(observed), observed, 0.0)
-
-    def _measured(self, bench: Bench) -> float:
-        """Return the running score after the truth and the events of this tick."""
-        truth = bench.truth()
-        self._observer.truth(truth)
-        while bench.events:
-            self._observer.event(bench.events.popleft())
-        return self._running.update(truth)

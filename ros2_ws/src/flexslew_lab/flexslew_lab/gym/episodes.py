@@ -8,7 +8,6 @@ import numpy as np
 from gymnasium import spaces
 
 from flexslew_control.controllers import POLICY, build_controller
-from flexslew_control.plan import Plan
 from flexslew_lab.benchmark.score import BEST, score_of, violation
 from flexslew_lab.benchmark.task import entry_study, load_task, member_case
 from flexslew_lab.studies.batch.batch_metrics import needs_truth
@@ -54,13 +53,14 @@ class Episodes:
         self.plans = PlanCache()
         nominal = self.trial(1)
         self.plans.keep(nominal)
+        self.testbed = nominal.testbed
         plant = plant_of(nominal)
         controller = build_controller(name, name, law, plant, f"{task}: {name}")
         law_built: Any = controller.law
         self.signals: tuple[str, ...] = law_built.signals
-        joints = len(plant.joint_names)
+        self.joints = len(plant.joint_names)
         self.observation_space = spaces.Box(-np.inf, np.inf, (len(self.signals),), np.float64)
-        self.action_space = spaces.Box(-1.0, 1.0, (joints,), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (self.joints,), np.float32)
         counted = not needs_truth(nominal)
         self.terms = tuple(
             RunningTerm(name, BEST * term.weight, term.half)
@@ -76,10 +76,6 @@ class Episodes:
         """Return the trial of the member of a seed."""
         return case_trial(self.study, self.case(seed))
 
-    def plan(self, trial: Trial) -> Plan | None:
-        """Return the plan that a member flies."""
-        return self.plans.of(trial)
-
     def score(self, metrics: Mapping[str, float | None] | None) -> float:
         """Return the score of a member, 0 to 100; None: it has failed."""
         return score_of(self.task, metrics)
@@ -92,6 +88,18 @@ class Episodes:
     def unmeasured(self) -> float:
         """What the terms of the score count that are measured at the end alone: all of it."""
         return BEST - sum(term.weight for term in self.terms)
+
+
+def option_member(options: Mapping[str, Any] | None) -> Any:
+    """Return the seeds of members that the options of a reset ask for; None: they ask for none.
+
+    Raises:
+        BadInput: an option is not known.
+    """
+    for name in options or {}:
+        if name != "member":
+            raise BadInput("is not known; allowed: member", "options", name)
+    return (options or {}).get("member")
 
 
 def member_seed(generator: np.random.Generator) -> int:

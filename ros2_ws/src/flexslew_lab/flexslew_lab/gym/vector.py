@@ -9,10 +9,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from flexslew_lab.gym.episodes import Episodes, checked_actions, member_seed
-from flexslew_lab.studies.batch.fleet import BatchRunner
-from flexslew_lab.studies.batch.stepped import SteppedBatch
-from flexslew_lab.studies.batch.stepped_loop import StepArrays
+from flexslew_lab.gym.episodes import Episodes, checked_actions, member_seed, option_member
+from flexslew_lab.gym.members import Members
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
@@ -22,8 +20,7 @@ _Flags = NDArray[np.bool_]
 class VectorSlew(VectorEnv[Matrix, Matrix, Any]):
     """Members of a task in a batch; all end at the same tick, and the step after it resets them.
 
-    Each member is that of an environment of its own with the same seed and actions, to the
-    tolerance of the batches.
+    Each member is that of an environment of its own with the same seed and actions.
 
     Args:
         num_envs: members, at least 1; groups of 64 are fastest.
@@ -57,18 +54,12 @@ class VectorSlew(VectorEnv[Matrix, Matrix, Any]):
             words = "a batch has no picture; render one environment"
             raise BadInput(words, key="render_mode", value=render_mode)
         self.episodes, self.num_envs = Episodes(task, base, authority, plan), num_envs
-        self._runner = BatchRunner(self.episodes.study, self.episodes.plans)
         self.single_observation_space = self.episodes.observation_space
         self.single_action_space = self.episodes.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._generators = [seeding.np_random(None)[0] for _ in range(num_envs)]
-        self._batch: SteppedBatch | None = None
-        self._over = False
-        shape = num_envs, len(self.signals)
-        self._observations, self._rewards = np.zeros(shape), np.zeros(num_envs)
-        joints = self.episodes.action_space.shape[0]
-        self._no_actions = np.zeros((num_envs, joints))
+        self._members = Members(self.episodes, num_envs)
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -97,19 +88,13 @@ class VectorSlew(VectorEnv[Matrix, Matrix, Any]):
             for k, one in enumerate(seeds):
                 if one is not None:
                     self._generators[k] = seeding.np_random(one)[0]
-        for name in options or {}:
-            if name != "member":
-                raise BadInput("is not known; allowed: member", "options", name)
+        given = option_member(options)
         members = [member_seed(generator) for generator in self._generators]
-        if options and "member" in options:
-            members = [int(one) for one in options["member"]]
+        if given is not None:
+            members = [int(one) for one in given]
             _require_count(members, count, "options.member")
-        episodes = self.episodes
-        cases = [episodes.case(member) for member in members]
-        self._batch = SteppedBatch(self._runner, cases, episodes.authority, episodes.terms)
-        self._over = False
-        self._step(self._no_actions)
-        return self._observations.copy(), {"member": np.array(members)}
+        self._members.begin(members)
+        return self._members.observations.copy(), {"member": np.array(members)}
 
     def step(self, actions: Any) -> tuple[Matrix, Vector, _Flags, _Flags, dict[str, Any]]:
         """Let actions act for a tick in all members; after the last tick: reset, and none acts.
@@ -121,27 +106,17 @@ class VectorSlew(VectorEnv[Matrix, Matrix, Any]):
         Raises:
             BadInput: the actions have another shape or are not finite, or nothing was reset.
         """
-        if self._batch is None:
+        members, none = self._members, np.zeros(self.num_envs, np.bool_)
+        if not members.has_begun:
             raise BadInput("reset the environments first", "step")
-        given = checked_actions(actions, self._no_actions.shape)
-        none = np.zeros(self.num_envs, np.bool_)
-        if self._over:
+        if members.is_over:
             observations, info = self.reset()
             return observations, np.zeros(self.num_envs), none, none.copy(), info
-        self._step(given)
-        self._over = self._batch.tick == self._batch.ticks
-        rewards, info = self._rewards.copy(), dict[str, Any]()
-        if self._over:
-            metrics, episodes = self._batch.metrics(), self.episodes
-            score = np.array([episodes.score(one) for one in metrics])
-            failure = np.array([episodes.failure(one) for one in metrics], dtype=object)
-            info = {"score": score, "failure": failure}
-            rewards += score - self._batch.running_scores() - episodes.unmeasured
-        return self._observations.copy(), rewards, none, np.full_like(none, self._over), info
-
-    def _step(self, actions: Matrix) -> None:
-        assert self._batch is not None
-        self._batch.step(StepArrays(actions, self._observations, self._rewards))
+        members.step(checked_actions(actions, (self.num_envs, self.episodes.joints)))
+        over, info = np.full(self.num_envs, members.is_over), dict[str, Any]()
+        if members.is_over:
+            info = {"score": members.scores, "failure": np.array(members.failures, dtype=object)}
+        return members.observations.copy(), members.rewards.copy(), none, over, info
 
 
 def _require_count(given: Sequence[Any], count: int, key: str) -> None:

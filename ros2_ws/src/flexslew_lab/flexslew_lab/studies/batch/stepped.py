@@ -154,6 +154,12 @@ class SteppedBatch:
             found[group.places] = group.stepped.score[: len(group.places)]
         return found
 
+    def positions(self, place: int) -> Vector:
+        """Return the positions of a member at this tick, shape (positions,)."""
+        group = next(one for one in self._groups if place in one.places)
+        rows = group.flight.w[: group.ready[0].member.model.positions * BATCH_WIDTH]
+        return rows.reshape(-1, BATCH_WIDTH)[:, group.places.index(place)].copy()
+
     def metrics(self) -> list[Metrics | None]:
         """Return the metrics of all members at the end; None: the state of one is lost."""
         found: list[Metrics | None] = [None] * sum(len(group.places) for group in self._groups)
