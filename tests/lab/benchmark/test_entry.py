@@ -10,7 +10,7 @@ from flexslew_plant.errors import BadInput
 def test_parts_of_an_entry_replace_those_of_the_baseline() -> None:
     task = load_task("csa-slew")
     entry = read_entry(task, law="lqr", plan="input_shaping", sets=["plan.duration=24"])
-    assert entry.name == "lqr, input_shaping"
+    assert entry.name == "lqr, input_shaping with changes"
     base = entry_study(task, entry.sections, entry.trust).base
     assert base["controllers"] == {"entry": {"law": "lqr"}}
     assert base["plan"]["method"] == "input_shaping"

@@ -1,9 +1,12 @@
 import importlib.util
 from pathlib import Path
 
+from flexslew_control.controllers import CONTROLLERS
 from flexslew_lab.benchmark.baselines import RESULTS, baselines, merged, read_rows, shipped_results
 from flexslew_lab.benchmark.leaderboard import leaderboard_page
 from flexslew_lab.benchmark.task import load_task, task_names
+from flexslew_lab.trial.trial import law_of
+from flexslew_plant.settings import plain
 
 SCRIPT = Path(__file__).parents[3] / "docs" / "make_leaderboard.py"
 SPEC = importlib.util.spec_from_file_location("make_leaderboard", SCRIPT)
@@ -18,6 +21,16 @@ def test_the_leaderboard_has_every_baseline_of_every_task() -> None:
         task = load_task(name)
         flown = {row["entry"]["name"] for row in shipped_results(task)}
         assert flown == {entry.name for entry in baselines(task)}
+
+
+def test_every_law_is_a_baseline_of_a_task() -> None:
+    flown = set[str]()
+    for task in map(load_task, task_names()):
+        base = plain(task.trial)
+        for entry in baselines(task):
+            trial = base | entry.sections
+            flown.add(law_of(trial["active"], trial["controllers"][trial["active"]])[0])
+    assert flown == CONTROLLERS.keys() - {"policy"}  # which needs a file of its own
 
 
 def test_the_page_of_the_leaderboard_is_current() -> None:

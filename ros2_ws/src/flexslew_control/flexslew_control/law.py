@@ -148,6 +148,14 @@ class Estimate(NamedTuple):
 def read_only_estimate(estimate: Estimate) -> Estimate:
     """Return a read-only view of an estimate, which protects the data of its estimator."""
     position, velocity, disturbance, covariance, innovation, nis = estimate
+    if not (
+        position.flags.writeable
+        or velocity.flags.writeable
+        or disturbance.flags.writeable
+        or covariance.flags.writeable
+        or innovation.flags.writeable
+    ):
+        return estimate
     return Estimate(
         read_only_view(position),
         read_only_view(velocity),

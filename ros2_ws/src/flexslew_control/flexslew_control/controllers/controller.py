@@ -5,7 +5,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import fields, is_dataclass
-from math import isfinite
+from math import hypot, isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -488,5 +488,9 @@ def _mismatch(words: str) -> Refusal:
 
 def _finite(estimate: Estimate) -> bool:
     """Return whether a law can work with the estimate."""
-    numbers = estimate.position.tolist() + estimate.velocity.tolist() + estimate.innovation.tolist()
-    return all(map(isfinite, numbers))
+    numbers = (
+        *estimate.position.tolist(),
+        *estimate.velocity.tolist(),
+        *estimate.innovation.tolist(),
+    )
+    return isfinite(hypot(*numbers))

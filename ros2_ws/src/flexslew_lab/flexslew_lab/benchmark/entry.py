@@ -50,7 +50,7 @@ def read_entry(
         plan: a method, or a class of the user's own; it plans the manoeuvre of the task.
         file: YAML with the sections `controllers`, `active` and `plan`.
         sets: `key.path=value` below these sections.
-        name: for tables; None: made from law and plan.
+        name: for tables; None: made of what is given.
         command: of a program that is the controller, as a shell reads it, in place of a law.
 
     Raises:
@@ -68,8 +68,9 @@ def read_entry(
         key = path.split(".")[0]
         require_entry_section(key, task, f"--set {path}")
         sections[key] = override_values(base | sections, {path: value})[key]
-    given = [part for part in (law, command, plan, file) if part is not None]
-    return BenchmarkEntry(name or ", ".join(given) or BASELINE, sections, ANY_CODE)
+    label = ", ".join(part for part in (law, command, plan, file) if part is not None) or BASELINE
+    changed = f"{label} with changes" if sets else label
+    return BenchmarkEntry(name or changed, sections, ANY_CODE)
 
 
 def _controller(law: str | None, command: str | None) -> dict[str, Any] | None:
