@@ -10,6 +10,7 @@ import signal
 import sys
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
@@ -19,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.controllers import CONTROLLERS
-from flexslew_control.planners import make_plan
+from flexslew_control.planners import PLANNERS, make_plan
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_lab.background import in_background, machine_code_log
 from flexslew_lab.run.in_process import run_bench
@@ -32,6 +33,7 @@ from flexslew_lab.trial.trial import (
     plant_of,
 )
 from flexslew_plant.bench.bench import Bench
+from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.hardware.friction import Friction
 from flexslew_plant.testbeds import default_testbed, initial_state
@@ -52,6 +54,12 @@ def default_bench(modes: int) -> None:
     for name in CONTROLLERS:
         _simulate(replace(trial, active=name), plan)
     Friction(plant_of(trial).testbed.model().resolved_motors, ActuatorSettings(), trial.period)
+
+
+def default_plan(method: str) -> None:
+    """Plan the manoeuvre of the default trial by another method, if it plans such ones."""
+    with suppress(BadInput):
+        plan_of_trial(read_trial(DEFAULT, [f"plan={method}"])[0])
 
 
 def shipped_trial(name: str) -> None:
@@ -119,6 +127,7 @@ if __name__ == "__main__":
     if "--studies" not in sys.argv:
         shipped_trial(DEFAULT)
         tasks += [partial(default_bench, modes) for modes in (3, 1)]
+        tasks += [partial(default_plan, method) for method in PLANNERS]
         tasks += [partial(shipped_trial, trial.name) for trial in reversed(example_trials())]
     if "--wait" in sys.argv or in_background(machine_code_log()):
         _compile(tasks)
