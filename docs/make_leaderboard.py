@@ -18,12 +18,12 @@ from matplotlib import pyplot as plt
 PAGE = Path(__file__).parent / "benchmark" / "leaderboard.md"
 HEAD = """# Leaderboard
 
-Every built-in law that suits a task, with a planner that suits it, on the first development
+Every built-in law on a task that it suits, with a planner that suits it, on all development
 members. Effort is the mean of `control_effort`. Your results stand beside them in the table of
 `./flexslew benchmark run`.
 
 ```sh
-./flexslew benchmark baselines acc --members 16 --out leaderboard.json --page leaderboard.html
+./flexslew benchmark baselines acc --out leaderboard.json --page leaderboard.html
 ```
 
 ![Score of each baseline over its effort](leaderboard.png)

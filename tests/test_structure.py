@@ -183,6 +183,27 @@ def test_no_function_has_more_than_eight_parameters(trees: dict[Path, ast.Module
     assert not wrong, "\n".join(wrong)
 
 
+STEPS = {"compiled", "compiled_once", "vectorised", "called", "inline", "merged"}  # decorators
+
+
+def decorators(node: ast.FunctionDef) -> set[str]:
+    """Return the names of a function's decorators."""
+    plain = (one.func if isinstance(one, ast.Call) else one for one in node.decorator_list)
+    return {one.id for one in plain if isinstance(one, ast.Name)}
+
+
+def test_no_step_takes_what_may_be_anything(trees: dict[Path, ast.Module]) -> None:
+    wrong = [
+        f"{path.relative_to(SOURCE)}:{node.lineno}: {argument.arg}"
+        for path, tree in trees.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef) and decorators(node) & STEPS
+        for argument in node.args.args
+        if argument.annotation is not None and "Any" in ast.unparse(argument.annotation)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
 # what only one spacecraft has; allowed where that spacecraft is, and where a paper is reproduced
 NAMES = re.compile(
     r"base_yaw|hub_pitch|Csa[A-Z]|OscillatorTestbed|HubTestbed|hub_with_appendages|beam_positive"

@@ -1,7 +1,6 @@
 """Chance of a fault, tick by tick: as NumPy draws it, and for many ticks at once."""
 
 from collections.abc import Sequence
-from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -56,13 +55,13 @@ def _words(numbers: Sequence[int]) -> Words:
 
 
 @called
-def _mixed(x: Any, y: Any) -> Any:
+def _mixed(x: np.uint64, y: np.uint64) -> np.uint64:
     mixed = (_LEFT * x - _RIGHT * y) & _WORD
     return mixed ^ (mixed >> _SHIFT)
 
 
 @called
-def _hash(word: Any, constant: Any, factor: Any) -> Any:
+def _hash(word: np.uint64, constant: np.uint64, factor: np.uint64) -> tuple[np.uint64, np.uint64]:
     """Return the hash of a word, and the constant for the next one."""
     after = (constant * factor) & _WORD
     found = ((word ^ constant) * after) & _WORD
@@ -70,7 +69,7 @@ def _hash(word: Any, constant: Any, factor: Any) -> Any:
 
 
 @called
-def _product(high: Any, low: Any) -> Any:
+def _product(high: np.uint64, low: np.uint64) -> tuple[np.uint64, np.uint64]:
     """Return the upper and lower half of a state of 128 bits times the factor of PCG64."""
     a, b, c, d = low >> _HALF, low & _WORD, _LOW >> _HALF, _LOW & _WORD
     inner, outer = a * d, b * c
@@ -80,7 +79,9 @@ def _product(high: Any, low: Any) -> Any:
 
 
 @called
-def _sum(high: Any, low: Any, more_high: Any, more_low: Any) -> Any:
+def _sum(
+    high: np.uint64, low: np.uint64, more_high: np.uint64, more_low: np.uint64
+) -> tuple[np.uint64, np.uint64]:
     after = low + more_low
     return high + more_high + (_ONE if after < low else np.uint64(0)), after
 

@@ -6,7 +6,7 @@ for one run. What differs from member to member stands in one flat array, see ro
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,7 +166,7 @@ def _recorded(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., 
     applied, count, m = rows.applied, of_kernel.effort // BATCH_WIDTH, sizes.joints
 
     @vectorised
-    def keep(k: int, first: int, schedule: Any, record: Tensor, w: Vector) -> None:
+    def keep(k: int, first: int, schedule: Schedule, record: Tensor, w: Vector) -> None:
         for member in range(BATCH_WIDTH):
             for i in range(count):
                 record[member, k - first, i] = w[i * BATCH_WIDTH + member]
@@ -187,7 +187,7 @@ class _Moment(NamedTuple):
 
 
 @vectorised
-def _moment(k: int, schedule: Any) -> _Moment:
+def _moment(k: int, schedule: Schedule) -> _Moment:
     """Return what a tick is to the metrics.
 
     By numbers alone, and no branch on the way to them: arrays that the compiler has to hold across
@@ -245,7 +245,7 @@ def _measure(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., N
                 w[full + member] = time if most else w[full + member]
 
     @vectorised
-    def measure(k: int, first: int, schedule: Any, record: Tensor, w: Vector) -> None:
+    def measure(k: int, first: int, schedule: Schedule, record: Tensor, w: Vector) -> None:
         now = _moment(k, schedule)
         count(now, w)
         if now.ends:

@@ -3,16 +3,16 @@
 The steps are those of `loop`, from the law of one tick to the readings of the next.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
 from flexslew_lab.studies.batch.benches.senses import Filter
 from flexslew_lab.studies.batch.groups.rows import Rows, Sizes, rows_of
-from flexslew_lab.studies.batch.laws.efforts import LawTerms
+from flexslew_lab.studies.batch.laws.efforts import FlightNumbers, LawTerms
 from flexslew_lab.studies.batch.laws.observers import ObserverStep
 from flexslew_lab.studies.batch.loop import batch_signals, loop_parts
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, vectorised
@@ -32,7 +32,7 @@ class RunningTerms(NamedTuple):
 class StepGroup(NamedTuple):
     """A group of members between two ticks."""
 
-    flight: Any  # efforts.FlightNumbers; the demand of its law is that of external_demand
+    flight: FlightNumbers  # the demand of its law is that of external_demand
     w: Vector
     z: Vector
     memory: Vector
@@ -85,7 +85,7 @@ def step_loop(
     set_demand, observe = _set_demand(rows, sizes), _observe(rows, sizes)
 
     @vectorised
-    def act(k: int, span: float, actions: Matrix, group: Any) -> None:
+    def act(k: int, span: float, actions: Matrix, group: StepGroup) -> None:
         flight, w = group.flight, group.w
         dt, filled = flight.dt, flight.filled
         set_demand(k, span, actions, group)
@@ -95,7 +95,7 @@ def step_loop(
         push(k * dt + dt, -0.5 * dt, flight.external_forces, filled, w)
 
     @vectorised
-    def sense(k: int, begin: int, group: Any) -> None:
+    def sense(k: int, begin: int, group: StepGroup) -> None:
         flight, w, z, memory = group.flight, group.w, group.z, group.memory
         dt, filled, schedule = flight.dt, flight.filled, flight.schedule
         faults = flight.disturbances.faults
@@ -113,7 +113,12 @@ def step_loop(
 
     @vectorised
     def step(
-        groups: Any, k: int, begin: int, span: float, running: RunningTerms, arrays: StepArrays
+        groups: Sequence[StepGroup],
+        k: int,
+        begin: int,
+        span: float,
+        running: RunningTerms,
+        arrays: StepArrays,
     ) -> None:
         for number in range(len(groups)):
             group = groups[number]
@@ -131,7 +136,7 @@ def _set_demand(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     m, limit = sizes.joints, rows.limit
 
     @vectorised
-    def set_demand(k: int, span: float, actions: Matrix, group: Any) -> None:
+    def set_demand(k: int, span: float, actions: Matrix, group: StepGroup) -> None:
         demand, feedforward, places = group.flight.law.demand, group.feedforward, group.places
         unit = 1 if feedforward.shape[2] > 1 else 0
         for i in range(m):
@@ -151,7 +156,7 @@ def _observe(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     reading, applied, limit = rows.reading, rows.applied, rows.limit
 
     @vectorised
-    def observe(k: int, group: Any, observations: Matrix) -> None:
+    def observe(k: int, group: StepGroup, observations: Matrix) -> None:
         w, schedule, effort = group.w, group.flight.schedule, group.effort
         position = group.flight.law.position
         for member in range(group.places.size):
@@ -173,7 +178,7 @@ def _observe(rows: Rows, sizes: Sizes) -> Callable[..., None]:
 
 
 @vectorised
-def _reward(running: RunningTerms, group: Any, rewards: Vector) -> None:
+def _reward(running: RunningTerms, group: StepGroup, rewards: Vector) -> None:
     """Write by how much the running score of each member has changed, and keep it."""
     w, score = group.w, group.score
     for member in range(group.places.size):

@@ -17,7 +17,7 @@ from flexslew_control.estimators.flexible_attitude_tick import (
     flexible_memory,
     flexible_tick,
 )
-from flexslew_lab.studies.batch.benches.batch_faults import reading_step
+from flexslew_lab.studies.batch.benches.batch_faults import BatchFaults, reading_step
 from flexslew_lab.studies.batch.groups.batch_laws import BatchLaws, spacecraft_kernel
 from flexslew_lab.studies.batch.groups.batch_trial import BatchTrial
 from flexslew_lab.studies.batch.groups.rows import Rows, Sizes
@@ -191,7 +191,7 @@ def instrument_step(rows: Rows, sizes: Sizes, filtered: Filter | None) -> Callab
         sensor_data: SensorData,
         noise: Matrix,
         reference: Vector,
-        faults: Any,
+        faults: BatchFaults | None,
         w: Vector,
         filled: int,
     ) -> None:

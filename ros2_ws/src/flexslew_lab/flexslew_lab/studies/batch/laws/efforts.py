@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from flexslew_control.allocation.sharing import share
+from flexslew_control.allocation.sharing import AllocationNumbers, share
 from flexslew_control.controllers.by_joint.integral_action import integral_step
 from flexslew_control.controllers.by_joint.pd_feedforward import pd_step
 from flexslew_control.controllers.controller import handover_effort
@@ -258,7 +258,7 @@ def _sharing(rows: Rows, sizes: Sizes) -> tuple[Callable[..., None], Callable[..
             body[3], body[4], body[5] = joint_rotation_vector(inverse, velocity)
 
     @compiled
-    def set_effort(t: float, allocation: Any, w: Vector, filled: int) -> None:
+    def set_effort(t: float, allocation: AllocationNumbers, w: Vector, filled: int) -> None:
         torque, readings, out = np.empty(3), np.empty(tips), np.empty(m)
         for member in range(filled):
             put(member_rows(w, demand, 3, member), torque)

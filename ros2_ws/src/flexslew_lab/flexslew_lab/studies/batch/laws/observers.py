@@ -117,7 +117,7 @@ def combine_observer(
         k: int,
         t: float,
         dt: float,
-        constants: tuple[Any, Any],
+        constants: tuple[object, object],
         signals: BatchSignals,
         z: Vector,
         memory: Vector,

@@ -1,6 +1,7 @@
 """Vectors and rotations for compiled kernels: three numbers in a tuple, nine row by row."""
 
-from typing import Any, TypeAlias
+from collections.abc import Sequence
+from typing import TypeAlias
 
 from flexslew_plant.arrays import Vector, called
 
@@ -75,7 +76,7 @@ def apply_transposed(e: Matrix3, a: Triple) -> Triple:
 
 
 @called
-def symmetric(j: Any, a: Triple) -> Triple:
+def symmetric(j: Sequence[float] | Vector, a: Triple) -> Triple:
     """Return J a for a symmetric J given as (xx, yy, zz, xy, xz, yz)."""
     return (
         j[0] * a[0] + j[3] * a[1] + j[4] * a[2],
