@@ -28,19 +28,21 @@ def plain() -> Budget:
 def test_a_settled_noise_has_the_covariance_of_the_lyapunov_equation() -> None:
     trial, source = read_trial("replan_csa", [])
     loop = error_loop(trial, source, plan_of_trial(trial, predict=False), 0.0)
-    columns = loop.sensor_columns(tuple(f"position.{n}" for n in loop.loop.joint_names))
+    inputs = loop.signal_inputs(tuple(f"position.{n}" for n in loop.loop.joint_names))
     ticks = 200_000
-    covariance = solve_discrete_lyapunov(loop.closed.a, columns @ columns.T)
-    found = Windows(ticks - 1, ticks - 1, 10).of_noise(loop.responses(columns, ticks))
-    expected = np.diag(loop.output @ covariance @ loop.output.T)
+    system = loop.system
+    covariance = solve_discrete_lyapunov(system.a, inputs.columns @ inputs.columns.T)
+    found = Windows(ticks - 1, ticks - 1, 10).of_noise(loop.responses(inputs, ticks))
+    direct = inputs.direct @ inputs.direct.T
+    expected = np.diag(system.c @ covariance @ system.c.T + direct)
     assert found["APE"][0] == pytest.approx(expected, rel=1e-3)
 
 
 def test_a_force_on_a_joint_is_an_effort_on_it() -> None:
     trial, source = read_trial("m1", [])
     loop = error_loop(trial, source, plan_of_trial(trial, predict=False), 25.0)
-    efforts = loop.effort_columns()
-    assert loop.force_columns()[:, :2] == pytest.approx(efforts, rel=1e-5, abs=1e-9)
+    efforts = loop.effort_inputs().columns
+    assert loop.force_inputs().columns[:, :2] == pytest.approx(efforts, rel=1e-5, abs=1e-9)
 
 
 def test_a_trial_without_errors_has_its_slew_alone(plain: Budget) -> None:

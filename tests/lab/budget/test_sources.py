@@ -9,6 +9,7 @@ from flexslew_control.plan import Plan
 from flexslew_lab.budget.contribution import Contribution
 from flexslew_lab.budget.error_free import error_free, simulate, without_faults
 from flexslew_lab.budget.pointing_budget import Budget, BudgetRequest, pointing_budget
+from flexslew_lab.budget.windows import KNOWLEDGE, METRICS
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import Trial, plan_of_trial
 
@@ -41,7 +42,7 @@ def alone(name: str, *sets: str, source: str) -> Alone:
     plan = plan_of_trial(trial, predict=False)
     error = flight(trial, trial, plan, budget) - flight(trial, quiet(trial), plan, budget)
     (one,) = (c for c in budget.contributions if c.name == source)
-    return Alone(one, budget.windows.of_series(error))
+    return Alone(one, budget.loop.named(budget.windows.of_series(error)))
 
 
 def quiet(trial: Trial) -> Trial:
@@ -49,7 +50,7 @@ def quiet(trial: Trial) -> Trial:
 
 
 def flight(design: Trial, bench: Trial, plan: Plan | None, budget: Budget) -> np.ndarray:
-    return simulate(design, bench, "here", plan, budget.axes).error
+    return simulate(design, bench, "here", plan, budget.loop).error
 
 
 def rms(values: np.ndarray) -> np.ndarray:
@@ -60,7 +61,8 @@ def test_a_disturbance_causes_the_errors_of_the_bench() -> None:
     found = alone("three_axes", PUSH, LATE, source="schedule.0.disturbance")
     for metric, flown in found.flown.items():
         predicted = found.source.parts[metric].fixed
-        assert abs(predicted - flown).max() < 1e-4 * abs(flown).max(), metric
+        limit = 1e-4 * abs(flown).max() if metric in METRICS else 1e-12
+        assert abs(predicted - flown).max() < limit, metric  # readings are exact
 
 
 def test_torques_of_the_orbit_cause_the_errors_of_the_bench() -> None:
@@ -118,3 +120,28 @@ def test_a_delay_and_friction_are_the_differences_of_flights() -> None:
     assert kinds["schedule.0.fault.command_delay"] == "delay"
     assert kinds["actuator.coulomb_friction"] == "friction"
     assert all(c.parts["APE"].fixed.any() for c in budget.contributions if c.kind == "delay")
+
+
+def test_errors_of_knowledge_of_readings_are_those_of_the_sensors() -> None:
+    key = "sensors.joint_position"
+    budget = pointing_budget(
+        *read_trial("m1", [f"{key}.noise=2e-4", f"{key}.bias=1e-4"]), BudgetRequest(window=5.0)
+    )
+    parts = {one.name: one.parts for one in budget.contributions}
+    n = budget.windows.length
+    noise = parts[f"{key}.noise"]
+    shares = {"AKE": 1.0, "MKE": 1.0 / n, "RKE": 1.0 - 1.0 / n, "KDE": 2.0 / n}
+    for metric, share in shares.items():
+        assert noise[metric].noise == pytest.approx(4e-8 * share), metric
+    assert parts[f"{key}.bias"]["AKE"].fixed == pytest.approx(1e-4)
+
+
+def test_an_observer_has_the_errors_of_knowledge_of_the_bench() -> None:
+    """A bias of the sensors of an observer on its own model, as the linear form predicts it."""
+    key = "sensors.joint_position.bias"
+    found = alone("scole_full", f"{key}=1e-5", source=key)
+    for metric in (KNOWLEDGE["APE"], KNOWLEDGE["MPE"]):
+        flown = found.flown[metric]
+        predicted = found.source.parts[metric].fixed
+        assert abs(flown).max() > 1e-6
+        assert abs(predicted - flown).max() < 0.02 * abs(flown).max(), metric

@@ -1,12 +1,14 @@
 """Flights of the non-linear bench without error sources, or with a single one."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexslew_control.controllers.controller import Answer
 from flexslew_control.plan import Plan
-from flexslew_lab.budget.closed_loop import ErrorAxes
+from flexslew_lab.budget.closed_loop import ErrorLoop
 from flexslew_lab.run.in_process import Observer, run_bench
 from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers, set_plan
 from flexslew_plant.arrays import Matrix, Vector
@@ -16,6 +18,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.sensors import SensorSettings
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed, with_changes
+from flexslew_plant.testbeds.model import Model
 
 _BALANCED = {"static_imbalance": 0.0, "dynamic_imbalance": 0.0, "harmonics": []}
 _ERRORS = {  # keys of a testbed's sensors that are errors, with what they are without
@@ -35,7 +38,8 @@ class ErrorFlight(NamedTuple):
     """A flight of the bench.
 
     Args:
-        error: position - goal at all ticks, shape (ticks, axes) [rad or m].
+        error: position less goal, and estimate less position where there are estimates, at all
+            ticks, shape (ticks, outputs) [rad or m].
         states: [q, v], shape (ticks, size of a state).
     """
 
@@ -45,13 +49,20 @@ class ErrorFlight(NamedTuple):
 
 @dataclass
 class _StateObserver(Observer):
-    """Keeps the state at every tick."""
+    """Keeps the state at every tick, and the answers of a controller by tick."""
 
+    controller: str
     states: list[Vector]
+    answers: dict[int, Answer]
 
     def truth(self, truth: Truth) -> None:
         """Take the state at a tick."""
         self.states.append(np.concatenate((truth.position, truth.velocity)))
+
+    def answer(self, answer: Answer) -> None:
+        """Take an answer."""
+        if answer.command.controller == self.controller:
+            self.answers[answer.command.tick] = answer
 
 
 def error_free(trial: Trial) -> Trial:
@@ -110,7 +121,7 @@ def without_imbalance(testbed: Testbed) -> Testbed:
 
 
 def simulate(
-    design: Trial, bench_trial: Trial, source: str, plan: Plan | None, axes: ErrorAxes
+    design: Trial, bench_trial: Trial, source: str, plan: Plan | None, loop: ErrorLoop
 ) -> ErrorFlight:
     """Return a flight of a bench under laws that are designed for a trial.
 
@@ -119,7 +130,7 @@ def simulate(
         bench_trial: bench that flies.
         source: file of the trial, for an error.
         plan: that is flown; None: where the joints stand at the start is the goal.
-        axes: of the error.
+        loop: with the axes of the errors, and whether there are those of knowledge.
 
     Raises:
         BadInput: if the plan is refused or the bench fails.
@@ -128,11 +139,36 @@ def simulate(
     controllers = build_controllers(design, source)
     if (reason := set_plan(controllers, design.active, plan)) is not None:
         raise BadInput(f"{source}: {reason}")
-    seen = _StateObserver([])
+    seen = _StateObserver(loop.controller, [], {})
     run_bench(bench, controllers, seen)
     if bench.failure or bench.drive.active == "":
         raise BadInput(f"{source}: the flight fails: {bench.failure or 'it ends in the brake'}")
     states, model = np.array(seen.states), bench.model
     position, _ = model.joint_states(states)
     goal = position[0] if plan is None else plan.position[-1]
-    return ErrorFlight(-model.joint_error(position, goal) @ axes.from_joints.T, states)
+    to_axes = loop.axes.from_joints.T
+    error = -model.joint_error(position, goal) @ to_axes
+    if not loop.no_estimate:
+        error = np.hstack((error, _knowledge(model, position, seen.answers) @ to_axes))
+    return ErrorFlight(error, states)
+
+
+def _knowledge(model: Model, position: Matrix, answers: Mapping[int, Answer]) -> Matrix:
+    """Return estimate less position of joints by tick, zero before the controller is active.
+
+    Both are taken from the reference, from which an estimate of an attitude is a turn.
+
+    Args:
+        model: of the bench.
+        position: of the joints, shape (ticks, joints).
+        answers: by tick; a tick without one, as the last, has the error of the tick before.
+    """
+    found = np.zeros_like(position)
+    for tick in range(len(position)):
+        if (answer := answers.get(tick)) is not None:
+            reference = answer.reference.position
+            estimated = answer.estimate.position[: model.joints] - reference
+            found[tick] = estimated + model.joint_error(position[tick], reference)
+        elif tick:
+            found[tick] = found[tick - 1]
+    return found

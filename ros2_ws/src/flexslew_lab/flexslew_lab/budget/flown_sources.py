@@ -37,9 +37,8 @@ class ErrorFreeFlight(NamedTuple):
     flight: ErrorFlight
 
     def difference(self, other: Trial) -> Matrix:
-        """Return what a bench adds to the error of the flight, shape (ticks, axes)."""
-        axes = self.at.loop.axes
-        flight = simulate(self.at.trial, other, self.source, self.plan, axes)
+        """Return what a bench adds to the errors of the flight, shape (ticks, outputs)."""
+        flight = simulate(self.at.trial, other, self.source, self.plan, self.at.loop)
         return np.asarray(flight.error - self.flight.error)
 
 
@@ -50,12 +49,12 @@ def reference_flight(at: ObservedLoop, source: str, plan: Plan | None) -> ErrorF
         BadInput: see simulate.
     """
     bench = without_faults(error_free(at.trial))
-    return ErrorFreeFlight(at, source, plan, simulate(at.trial, bench, source, plan, at.loop.axes))
+    return ErrorFreeFlight(at, source, plan, simulate(at.trial, bench, source, plan, at.loop))
 
 
 def slew_source(of: ErrorFreeFlight) -> Contribution:
     """Return the error that the slew leaves: residual vibration and settling of the laws."""
-    parts = fixed(of.at.windows.of_series(of.flight.error))
+    parts = fixed(of.at.metrics(of.flight.error))
     return Contribution("slew", "slew", "flight without error sources", parts)
 
 
@@ -66,7 +65,7 @@ def friction_source(of: ErrorFreeFlight) -> Iterator[Contribution]:
     if any(dry.values()) if isinstance(dry, dict) else dry:
         bench = without_faults(error_free(trial))
         rough = replace(bench, actuator=replace(bench.actuator, coulomb_friction=dry))
-        parts = fixed(of.at.windows.of_series(of.difference(rough)))
+        parts = fixed(of.at.metrics(of.difference(rough)))
         yield Contribution("actuator.coulomb_friction", "friction", DIFFERENCE, parts)
 
 
@@ -78,7 +77,7 @@ def fault_sources(of: ErrorFreeFlight) -> Iterator[Contribution]:
             continue
         bench = without_faults(error_free(trial))
         order = [e for e in error_free(trial).schedule if e.fault is None or e is entry]
-        parts = fixed(of.at.windows.of_series(of.difference(replace(bench, schedule=tuple(order)))))
+        parts = fixed(of.at.metrics(of.difference(replace(bench, schedule=tuple(order)))))
         kind = "delay" if isinstance(entry.fault, CommandDelay) else "fault"
         name = f"schedule.{number}.fault.{entry.fault.kind}"
         yield Contribution(name, kind, DIFFERENCE, parts)
@@ -86,12 +85,12 @@ def fault_sources(of: ErrorFreeFlight) -> Iterator[Contribution]:
 
 def gyro_bias_sources(of: ErrorFreeFlight) -> Iterator[Contribution]:
     """Yield biases of gyros: a fixed one, and one that each member draws, axis by axis."""
-    bench, w = without_faults(error_free(of.at.trial)), of.at.windows
+    bench = without_faults(error_free(of.at.trial))
 
     def errors(name: str, bias: Vector) -> dict[str, Matrix]:
         sensors = {"sensors": {name: {"bias": bias.tolist()}}}
         testbed = with_changes(bench.testbed, sensors, "budget")
-        return w.of_series(of.difference(replace(bench, testbed=testbed)))
+        return of.at.metrics(of.difference(replace(bench, testbed=testbed)))
 
     for one in of.at.loop.point.rest.model.appendages.instruments:
         if not isinstance(one, Gyro):
@@ -126,7 +125,7 @@ def model_sources(of: ErrorFreeFlight, vary: Vary) -> Iterator[Contribution]:
     base = Situation(trial, trial.testbed, joints, point.rest, point.path)
     for one in uncertain_parameters(base, vary):
         low, high = (of.difference(_with(base, one, end)) for end in (one.low, one.high))
-        parts = drawn(of.at.windows.of_series((high - low) / np.sqrt(12.0)))
+        parts = drawn(of.at.metrics((high - low) / np.sqrt(12.0)))
         words = f"uniform in {one.low:.4g} to {one.high:.4g}, slope between flights at the ends"
         yield Contribution(f"model.{one.name}", "model", words, parts)
 

@@ -31,5 +31,7 @@ def left_out(at: ObservedLoop) -> tuple[str, ...]:
             words.append(f"testbed.sensors.{one.name}: no source, what the law reads of it acts")
         if getattr(settings, "rate_noise", None):
             words.append(f"testbed.sensors.{one.name}.rate_noise: the platform is taken at rest")
+    if at.loop.no_estimate:
+        words.append(f"errors of knowledge: {at.loop.no_estimate}")
     words += list(at.loop.point.warnings)
     return tuple(words)

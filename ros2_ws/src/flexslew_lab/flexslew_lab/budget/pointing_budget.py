@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_control.plan import Plan
-from flexslew_lab.budget.closed_loop import ErrorAxes, error_loop
+from flexslew_lab.budget.closed_loop import ErrorAxes, ErrorLoop, error_loop
 from flexslew_lab.budget.contribution import Contribution, ErrorBound, bound_of, half_width, summed
 from flexslew_lab.budget.flown_sources import (
     ErrorFreeFlight,
@@ -24,7 +24,6 @@ from flexslew_lab.budget.flown_sources import (
     reference_flight,
     slew_source,
 )
-from flexslew_lab.budget.knowledge_errors import knowledge_sources
 from flexslew_lab.budget.left_out import left_out
 from flexslew_lab.budget.parts import INTERPRETATIONS, Interpretation
 from flexslew_lab.budget.quantisation import flown_quanta, white_quanta
@@ -97,7 +96,7 @@ class Budget:
     Args:
         trial: its name.
         controller: that closes the loop.
-        axes: of the errors.
+        loop: of the errors.
         windows: that are observed.
         period: one tick [s].
         request: how it was made.
@@ -108,7 +107,7 @@ class Budget:
 
     trial: str
     controller: str
-    axes: ErrorAxes
+    loop: ErrorLoop
     windows: Windows
     period: float
     request: BudgetRequest
@@ -128,6 +127,11 @@ class Budget:
         ]
         names = [f"{n} [{u}]" for n, u in zip(self.axes.names, self.axes.units, strict=True)]
         return in_notebook(repr(self), ("total", *names), rows)
+
+    @property
+    def axes(self) -> ErrorAxes:
+        """The axes of the errors."""
+        return self.loop.axes
 
     @property
     def metrics(self) -> tuple[str, ...]:
@@ -241,14 +245,13 @@ def pointing_budget(
     collected.add("instruments", lambda: instrument_sources(at))
     collected.add("quantisation", lambda: white_quanta(at))
     collected.add("disturbances", lambda: disturbance_sources(at))
-    collected.add("knowledge", lambda: knowledge_sources(at, source))
     references = collected.take("slew", lambda: [reference_flight(at, source, plan)])
     for reference in references:
         _add_flown(collected, at, reference, request.vary)
     return Budget(
         trial.name,
         loop.controller,
-        loop.axes,
+        loop,
         windows,
         trial.period,
         request,

@@ -169,7 +169,9 @@ def _flights(trial: Trial, source: str, budget: Budget, members: int) -> Iterato
     for case, ready in runner.all_ready(cases):
         if isinstance(ready, Way):
             one = case_trial(study, case)
-            yield simulate(trial, one, source, runner.plans.of(one), budget.axes).error
+            plan = runner.plans.of(one)
+            error = simulate(trial, one, source, plan, budget.loop).error
+            yield error[:, : len(budget.axes.names)]
             continue
         group = groups.setdefault(ready.group, [])
         group.append(ready)

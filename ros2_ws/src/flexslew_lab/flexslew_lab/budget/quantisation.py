@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexslew_control.analysis.signals import CHANNELS
+from flexslew_lab.budget.closed_loop import ErrorInputs
 from flexslew_lab.budget.contribution import Contribution, fixed
 from flexslew_lab.budget.error_free import error_free, without_faults
 from flexslew_lab.budget.flown_sources import DIFFERENCE, ErrorFreeFlight
 from flexslew_lab.budget.sources import ObservedLoop, channel_signals
 from flexslew_lab.trial.trial import Trial
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Vector
 from flexslew_plant.hardware.sensors import Channel, Readings
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import with_changes
@@ -32,13 +33,13 @@ class Quantum:
 
     Args:
         name: of the source.
-        columns: B of errors of one standard deviation, shape (states, roundings).
+        inputs: errors of one standard deviation each.
         is_white: whether each value before it has a sufficient noise.
         bench: from an error-free bench to one with this alone.
     """
 
     name: str
-    columns: Matrix
+    inputs: ErrorInputs
     is_white: bool
     bench: Callable[[Trial], Trial]
 
@@ -47,7 +48,7 @@ def white_quanta(at: ObservedLoop) -> Iterator[Contribution]:
     """Yield the quanta that are white noises."""
     for one in _quanta(at):
         if one.is_white:
-            yield at.noise(one.name, "quantisation", _WHITE, one.columns)
+            yield at.noise(one.name, "quantisation", _WHITE, one.inputs)
 
 
 def flown_quanta(of: ErrorFreeFlight) -> Iterator[Contribution]:
@@ -55,7 +56,7 @@ def flown_quanta(of: ErrorFreeFlight) -> Iterator[Contribution]:
     for one in _quanta(of.at):
         if not one.is_white:
             bench = one.bench(without_faults(error_free(of.at.trial)))
-            parts = fixed(of.at.windows.of_series(of.difference(bench)))
+            parts = fixed(of.at.metrics(of.difference(bench)))
             yield Contribution(one.name, "quantisation", DIFFERENCE, parts)
 
 
@@ -63,27 +64,28 @@ def _quanta(at: ObservedLoop) -> Iterator[Quantum]:
     for key, word in zip(Readings._fields, CHANNELS, strict=True):
         errors = getattr(at.trial.sensors, key)
         if quantum := errors.quantisation:
-            columns = at.sensor_columns(channel_signals(at, key, word))
+            inputs = at.loop.signal_inputs(channel_signals(at, key, word))
             white = errors.noise >= _DITHER * quantum
-            size = quantum / np.sqrt(12.0)
+            size = quantum / np.sqrt(12.0) * np.ones(inputs.columns.shape[1])
             yield Quantum(
-                f"sensors.{key}.quantisation", columns * size, white, _sensor(key, quantum)
+                f"sensors.{key}.quantisation", inputs.times(size), white, _sensor(key, quantum)
             )
     single = at.loop.point.rest.model.appendages.errors
     if single is not None and single[2].any():
-        tips = at.sensor_columns(channel_signals(at, "tip_deflection", "tip"))
+        tips = at.loop.signal_inputs(channel_signals(at, "tip_deflection", "tip"))
         white = bool((single[0] >= _DITHER * single[2]).all())
-        columns = tips * single[2] / np.sqrt(12.0)
-        yield Quantum("testbed.sensors.quantisation", columns, white, _tips(at.trial))
+        inputs = tips.times(single[2] / np.sqrt(12.0))
+        yield Quantum("testbed.sensors.quantisation", inputs, white, _tips(at.trial))
     if quantum := at.trial.actuator.quantisation:
-        columns = at.loop.closed.b[:, : at.loop.loop.efforts] * (quantum / np.sqrt(12.0))
+        size = quantum / np.sqrt(12.0) * np.ones(at.loop.loop.efforts)
+        inputs = at.loop.command_inputs().times(size)
         white = bool((_demand_noise(at) >= _DITHER * quantum).all())
-        yield Quantum("actuator.quantisation", columns, white, _motors(quantum))
+        yield Quantum("actuator.quantisation", inputs, white, _motors(quantum))
 
 
 def _demand_noise(at: ObservedLoop) -> Vector:
     """Return the standard deviation of demands by the noise of this tick's readings alone."""
-    closed, efforts = at.loop.closed, at.loop.loop.efforts
+    closed, efforts = at.loop.loop.closed, at.loop.loop.efforts
     variance = np.zeros(efforts)
     for key, word in zip(Readings._fields, CHANNELS, strict=True):
         noise = getattr(at.trial.sensors, key).noise

@@ -4,21 +4,19 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import approx_fprime
 
-from flexslew_control.analysis.signals import CHANNELS, POSITION
-from flexslew_lab.budget.closed_loop import ErrorLoop, response_to
+from flexslew_control.analysis.signals import CHANNELS
+from flexslew_lab.budget.closed_loop import ErrorInputs, ErrorLoop, response_to
 from flexslew_lab.budget.contribution import Contribution, fixed, noisy
 from flexslew_lab.budget.error_free import without_imbalance, without_orbit
 from flexslew_lab.budget.windows import Windows
 from flexslew_lab.trial.trial import Trial
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.hardware.disturbances import TimedDisturbance, disturbance_effort
 from flexslew_plant.hardware.sensors import Readings
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.instruments import Gyro, StarTracker
-from flexslew_plant.testbeds.model import Model
 
 _WHITE = "white noise of every tick, by the linear loop"
 _CONSTANT = "constant, by the linear loop"
@@ -42,40 +40,20 @@ class ObservedLoop(NamedTuple):
         """Number of ticks with a truth."""
         return self.windows.last + 1
 
-    def sensor_columns(self, names: tuple[str, ...]) -> Matrix:
-        """Return B of errors that add to readings, zero of what the law does not read.
+    def noise(self, name: str, kind: str, about: str, inputs: ErrorInputs) -> Contribution:
+        """Return the part of white noises, their standard deviations in the inputs."""
+        variances = self.windows.of_noise(self.loop.responses(inputs, self.ticks))
+        return Contribution(name, kind, about, noisy(self.loop.named(variances)))
 
-        Joints that read an attitude are rotation vectors: an error of theirs at the goal is the
-        turn between the attitudes of both readings.
-        """
-        columns, rest = self.loop.sensor_columns(names), self.loop.point.rest
-        if not names or not names[0].startswith(POSITION):
-            return columns
-        return np.asarray(
-            columns @ reading_turns(rest.model, rest.model.joint_state(rest.state)[0])
-        )
+    def constant(self, name: str, kind: str, about: str, inputs: ErrorInputs) -> Contribution:
+        """Return the part of constants, their sizes in the inputs."""
+        together = inputs.times(np.ones((inputs.columns.shape[1], 1)))
+        error = np.cumsum(self.loop.responses(together, self.ticks)[:, :, 0], axis=0)
+        return Contribution(name, kind, about, fixed(self.metrics(error)))
 
-    def noise(self, name: str, kind: str, about: str, columns: Matrix) -> Contribution:
-        """Return the part of white noises, their standard deviations in the columns B."""
-        variances = self.windows.of_noise(self.loop.responses(columns, self.ticks))
-        return Contribution(name, kind, about, noisy(variances))
-
-    def constant(self, name: str, kind: str, about: str, columns: Matrix) -> Contribution:
-        """Return the part of a constant, its sizes in the columns B."""
-        response = self.loop.responses(columns.sum(axis=1, keepdims=True), self.ticks)
-        error = np.cumsum(response[:, :, 0], axis=0)
-        return Contribution(name, kind, about, fixed(self.windows.of_series(error)))
-
-
-def reading_turns(model: Model, position: Vector) -> Matrix:
-    """Return the slope of errors of joints by errors of their readings, shape (joints, joints)."""
-    if model.attitude is None:
-        return np.eye(model.joints)
-
-    def turn(reading_error: Vector) -> Vector:
-        return -model.joint_error(position + reading_error, position)
-
-    return np.asarray(approx_fprime(np.zeros(model.joints), turn))
+    def metrics(self, error: Matrix) -> dict[str, Matrix]:
+        """Return the metrics of errors of pointing, and of knowledge if there are such columns."""
+        return self.loop.named(self.windows.of_series(error))
 
 
 def channel_signals(at: ObservedLoop, key: str, word: str) -> tuple[str, ...]:
@@ -89,24 +67,24 @@ def sensor_sources(at: ObservedLoop) -> Iterator[Contribution]:
     """Yield noises and biases of the sensors of the trial and of single tips."""
     for key, word in zip(Readings._fields, CHANNELS, strict=True):
         errors = getattr(at.trial.sensors, key)
-        columns = at.sensor_columns(channel_signals(at, key, word))
-        sizes = np.tile([errors.noise, errors.bias], (columns.shape[1], 1)).T
-        yield from _reading_errors(at, f"sensors.{key}", columns, sizes)
+        inputs = at.loop.signal_inputs(channel_signals(at, key, word))
+        sizes = np.tile([errors.noise, errors.bias], (inputs.columns.shape[1], 1)).T
+        yield from _reading_errors(at, f"sensors.{key}", inputs, sizes)
     if (single := at.loop.point.rest.model.appendages.errors) is not None:
-        columns = at.sensor_columns(channel_signals(at, "tip_deflection", "tip"))
-        yield from _reading_errors(at, "testbed.sensors", columns, single[:2])
+        inputs = at.loop.signal_inputs(channel_signals(at, "tip_deflection", "tip"))
+        yield from _reading_errors(at, "testbed.sensors", inputs, single[:2])
 
 
 def _reading_errors(
-    at: ObservedLoop, name: str, columns: Matrix, sizes: Matrix
+    at: ObservedLoop, name: str, inputs: ErrorInputs, sizes: Matrix
 ) -> Iterator[Contribution]:
     """Yield errors of a channel; sizes: noise and bias of each reading, shape (2, readings)."""
     noise, bias = sizes
-    unread = "" if columns.any() else "; the law does not read it"
+    unread = "" if inputs.columns.any() else "; the law does not read it"
     if noise.any():
-        yield at.noise(f"{name}.noise", "noise", _WHITE + unread, columns * noise)
+        yield at.noise(f"{name}.noise", "noise", _WHITE + unread, inputs.times(noise))
     if bias.any():
-        yield at.constant(f"{name}.bias", "bias", _CONSTANT + unread, columns * bias)
+        yield at.constant(f"{name}.bias", "bias", _CONSTANT + unread, inputs.times(bias))
 
 
 def instrument_sources(at: ObservedLoop) -> Iterator[Contribution]:
@@ -117,35 +95,39 @@ def instrument_sources(at: ObservedLoop) -> Iterator[Contribution]:
     model, period = at.loop.point.rest.model, at.trial.period
     tips = model.appendages.names
     for one in model.appendages.instruments:
-        columns = at.loop.sensor_columns(
+        inputs = at.loop.signal_inputs(
             tuple(f"tip.{name}" for name in tips[one.first : one.first + 3])
         )
         place = f"testbed.sensors.{one.name}"
         if isinstance(one, Gyro):
-            yield from _gyro_errors(at, one, place, columns)
+            yield from _gyro_errors(at, one, place, inputs)
         elif isinstance(one, StarTracker):
             sizes, axes = np.linalg.eigh(one.covariance)
             share = (1.0 - one.settings.dropout) / max(1, round(one.settings.interval / period))
             root = axes * np.sqrt(np.maximum(sizes, 0.0) / share)
             if root.any():
                 words = "white, readings of every tick with as much information; by the linear loop"
-                yield at.noise(f"{place}.noise", "noise", words, columns @ root)
+                yield at.noise(f"{place}.noise", "noise", words, inputs.times(root))
 
 
 def _gyro_errors(
-    at: ObservedLoop, one: Gyro, place: str, columns: Matrix
+    at: ObservedLoop, one: Gyro, place: str, inputs: ErrorInputs
 ) -> Iterator[Contribution]:
     s, period, w = one.settings, at.trial.period, at.windows
     white = s.angle_random_walk / np.sqrt(period)
     if white:
-        yield at.noise(f"{place}.angle_random_walk", "noise", _WHITE, columns * white)
-    responses = at.loop.responses(columns, at.ticks)
+        yield at.noise(
+            f"{place}.angle_random_walk", "noise", _WHITE, inputs.times(white * np.ones(3))
+        )
+    responses = at.loop.responses(inputs, at.ticks)
     if walk := s.rate_random_walk * np.sqrt(period):
         # the mean of a tick: half of its own step, and an independent part of variance 1 / 12
         steps = np.cumsum(responses, axis=0) - 0.5 * responses
         variances = w.of_noise(np.concatenate((steps, responses / np.sqrt(12.0)), axis=2) * walk)
         words = "random walk from tick 0 on, by the linear loop"
-        yield Contribution(f"{place}.rate_random_walk", "noise", words, noisy(variances))
+        yield Contribution(
+            f"{place}.rate_random_walk", "noise", words, noisy(at.loop.named(variances))
+        )
 
 
 def disturbance_sources(at: ObservedLoop) -> Iterator[Contribution]:
@@ -153,9 +135,9 @@ def disturbance_sources(at: ObservedLoop) -> Iterator[Contribution]:
     for number, entry in enumerate(at.trial.schedule):
         if entry.disturbance is not None:
             series = _disturbance_series(at, entry)
-            error = response_to(at.loop.responses(at.loop.effort_columns(), at.ticks), series)
+            error = response_to(at.loop.responses(at.loop.effort_inputs(), at.ticks), series)
             words = "efforts of all ticks, by the linear loop"
-            parts = fixed(at.windows.of_series(error))
+            parts = fixed(at.metrics(error))
             yield Contribution(f"schedule.{number}.disturbance", "torque", words, parts)
 
 
@@ -186,9 +168,9 @@ def outside_sources(at: ObservedLoop, states: Matrix) -> Iterator[Contribution]:
     for name, kind, single in cases.values():
         forces = _outside_series(at, single, states)
         if forces is not None and forces.any():
-            error = response_to(at.loop.responses(at.loop.force_columns(), at.ticks), forces)
+            error = response_to(at.loop.responses(at.loop.force_inputs(), at.ticks), forces)
             words = "forces along the error-free flight, by the linear loop"
-            yield Contribution(name, kind, words, fixed(at.windows.of_series(error)))
+            yield Contribution(name, kind, words, fixed(at.metrics(error)))
 
 
 def _outside_series(at: ObservedLoop, testbed: Testbed, states: Matrix) -> Matrix | None:

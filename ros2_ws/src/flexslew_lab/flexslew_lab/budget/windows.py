@@ -7,7 +7,6 @@ approximated: a white noise n of unit variance that acts from tick 0 on with the
 has e(k) = sum h(k - j) n(j), and each mean is a sum of the same n(j).
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -160,8 +159,3 @@ def windows_of(
         words = f"a whole number of windows of {length * period:g} s"
         raise BadInput(words, key="--drift", value=apart)
     return Windows(first, last, length, round(shift))
-
-
-def knowledge_names(values: Mapping[str, Matrix]) -> dict[str, Matrix]:
-    """Return metrics of an error of knowledge by its own names."""
-    return {KNOWLEDGE[name]: value for name, value in values.items()}
