@@ -145,3 +145,24 @@ def test_an_observer_has_the_errors_of_knowledge_of_the_bench() -> None:
         predicted = found.source.parts[metric].fixed
         assert abs(flown).max() > 1e-6
         assert abs(predicted - flown).max() < 0.02 * abs(flown).max(), metric
+
+
+def test_gyro_and_star_tracker_have_the_variances_of_the_bench() -> None:
+    """Within a window, where a short flight has many independent errors."""
+    sensors = (
+        "testbed.sensors={gyro: {kind: gyro, angle_random_walk: 1.0e-6, rate_random_walk: 1.0e-8}, "
+        "tracker: {kind: star_tracker, across: 1.0e-5, about: 2.0e-5}}"
+    )
+    hold = "plan={method: none, goal: {roll: 0.0, pitch: 0.0, yaw: 0.0}}"
+    law = "controllers.pd_feedforward={kp: [12.0], kd: [60.0], attitude: {}}"
+    sets = [sensors, hold, law, "testbed.pointing_from=20"]
+    trial, source = read_trial("three_axes", sets)
+    budget = pointing_budget(trial, source, BudgetRequest(window=2.0))
+    plan = plan_of_trial(trial, predict=False)
+    error = flight(trial, trial, plan, budget)
+    flown = budget.loop.named(budget.windows.of_series(error))
+    for metric in ("RPE", "RKE"):
+        parts = [one.parts[metric] for one in budget.contributions]
+        predicted = np.sqrt(sum(p.noise.mean(axis=0) for p in parts))
+        assert rms(flown[metric]) == pytest.approx(predicted, rel=0.25), metric
+        assert rms(flown[metric]).mean() == pytest.approx(predicted.mean(), rel=0.12), metric

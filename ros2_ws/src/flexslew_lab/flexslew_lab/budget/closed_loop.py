@@ -204,13 +204,15 @@ def error_loop(
     point, plant = point_of(trial, time, None, plan), plant_of(trial)
     law, values = law_of(name, trial.controllers[name] or {})
     built = build_controller(name, law, values, plant, f"{source}: controllers.{name}")
+    sampled = sampled_plant(point.rest, point.path, applied=True)
     if isinstance(built.estimator, AttitudeEstimator):
-        built.use_estimator(NoisyInstruments.of(built.estimator))
+        instruments = NoisyInstruments.of(built.estimator)
+        built.use_estimator(instruments)
+        sampled = instruments.with_errors_alone(sampled, point.rest.model.appendages.names)
     gains = None
     if plan is not None and plan.gains.size:
         gains = plan.reference(round(time / trial.period)).gains
     form = running_law(built, point.rest, plant.effort_limit, gains).form
-    sampled = sampled_plant(point.rest, point.path, applied=True)
     loop = loop_of(sampled, form)
     if not loop.sensors:
         raise BadInput(f"{source}: {name} reads no sensor there: it closes no loop")

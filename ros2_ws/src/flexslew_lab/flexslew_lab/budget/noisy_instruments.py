@@ -1,12 +1,14 @@
 """An attitude estimator whose instruments read the true attitude and errors of their own."""
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
+from flexslew_control.analysis.lti import Lti
 from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
 from flexslew_control.estimators.instrument_readings import InstrumentSimulator, with_sensors
 from flexslew_plant.arrays import EMPTY, Vector
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.testbeds.instruments.instrument import channels
+from flexslew_plant.testbeds.instruments.instrument import Instrument, channels
 from flexslew_plant.testbeds.orientation.attitude import product, quaternion
 
 
@@ -24,6 +26,21 @@ class NoisyInstruments(InstrumentSimulator):
     def of(cls, estimator: AttitudeEstimator) -> "NoisyInstruments":
         """Return it for an estimator."""
         return cls(with_sensors(estimator).inner)
+
+    def with_errors_alone(self, plant: Lti, tips: Sequence[str]) -> Lti:
+        """Return a plant whose instruments show their errors alone, as this makes the readings.
+
+        Args:
+            plant: with a signal `tip.NAME` of each channel.
+            tips: names of the channels of tips.
+        """
+        it = self.inner
+        sensors: list[Instrument] = [it.gyro, *it.trackers, *it.sun_sensors]
+        c = plant.c.copy()
+        for sensor in sensors:
+            for name in tips[channels(sensor)]:
+                c[plant.outputs.index(f"tip.{name}")] = 0.0
+        return replace(plant, c=c)
 
     def reset(self, measurement: Measurement) -> None:
         """Start at the attitude of this measurement, at rest and without errors."""
