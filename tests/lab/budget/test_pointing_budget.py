@@ -1,15 +1,18 @@
 """Budgets of shipped trials: what is refused, what is missing, the loop behind them."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_lyapunov
+from tests.present import present
 from typer.testing import CliRunner
 
 import flexslew as fs
 from flexslew_lab.budget.closed_loop import error_loop
+from flexslew_lab.budget.page import bars
 from flexslew_lab.budget.pointing_budget import Budget, BudgetRequest, pointing_budget
 from flexslew_lab.budget.windows import Windows
 from flexslew_lab.cli.main import app
@@ -18,6 +21,15 @@ from flexslew_lab.trial.trial import plan_of_trial
 from flexslew_plant.errors import BadInput
 
 _NOISE = "sensors.joint_position.noise"
+
+
+def test_the_bars_of_the_page_reach_the_values(plain: Budget) -> None:
+    group = bars(plain)
+    for metric, panel in zip(plain.metrics, group.panels, strict=True):
+        values = [value for trace in panel.traces for value in trace["y"]]
+        assert max(values) == pytest.approx(plain.total.bounds[metric].value.max())
+        assert present(panel.y_range)[1] > max(values)
+        assert panel.traces[0]["x"] == ["slew", "total"]
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +78,17 @@ def test_an_error_of_the_model_is_a_source_that_members_draw() -> None:
     assert rms[1] == pytest.approx(2.0 * rms[0], rel=0.02)
 
 
+def test_the_verdict_in_the_docs_is_that_of_the_command() -> None:
+    """docs/budget.md, to a few percent: a plan depends on the machine in its last digits."""
+    page = (Path(__file__).parents[3] / "docs/budget.md").read_text()
+    printed = re.findall(r"([A-Z]{3}) ([0-9.]+e-\d+)", page.partition("mixed: ")[2].splitlines()[0])
+    changes = {"sensors.joint_position.noise": "5 arcsec", "sensors.joint_velocity.bias": 1e-6}
+    total = fs.budget(fs.trial("three_axes", changes)).total.bounds
+    assert [metric for metric, _ in printed] == list(total)
+    for metric, value in printed:
+        assert float(value) == pytest.approx(total[metric].value.max(), rel=0.03), metric
+
+
 def test_a_source_that_fails_is_named_and_no_requirement_counts_as_met() -> None:
     """The other sources are kept."""
     budget = fs.budget("m1", {"APE": 1.0}, vary={"stiffnes": 0.2})
@@ -75,6 +98,7 @@ def test_a_source_that_fails_is_named_and_no_requirement_counts_as_met() -> None
     assert not budget.met
 
 
+@pytest.mark.slow
 def test_the_instruments_of_an_observatory_are_sources() -> None:
     sets = ["testbed.sensors.gyro.bias_spread=0", "duration=1300"]
     trial, source = read_trial("observatory", sets)

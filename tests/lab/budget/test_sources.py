@@ -79,7 +79,9 @@ def test_an_unbalanced_wheel_causes_the_size_of_the_errors_of_the_bench() -> Non
         assert predicted == pytest.approx(rms(found.flown[metric]), rel=0.06), metric
 
 
-@pytest.mark.parametrize("channel", ["joint_position", "joint_velocity"])
+@pytest.mark.parametrize(
+    "channel", ["joint_position", pytest.param("joint_velocity", marks=pytest.mark.slow)]
+)
 def test_a_bias_causes_the_errors_of_the_bench(channel: str) -> None:
     """The readings are rotation vectors, whose errors at a turn of 50 degrees are not the turn."""
     key = f"sensors.{channel}.bias"
@@ -88,6 +90,7 @@ def test_a_bias_causes_the_errors_of_the_bench(channel: str) -> None:
     assert abs(found.source.parts["MPE"].fixed - flown).max() < 5e-3 * abs(flown).max()
 
 
+@pytest.mark.slow
 def test_a_noise_has_the_variance_of_the_bench() -> None:
     key = "sensors.joint_velocity.noise"
     found = alone("m1", f"{key}=1e-3", "duration=400", source=key)

@@ -47,7 +47,7 @@ def budget_page(budget: Budget, proof: ProvedBudget | None = None) -> str:
             budget_columns(budget),
             budget_rows(budget),
         ),
-        _bars(budget),
+        bars(budget),
         Table(
             "Sources",
             "How each was found.",
@@ -70,12 +70,13 @@ def _proved(proof: ProvedBudget | None) -> list[Section]:
     return [Table("Flown", words, PROVED_COLUMNS, proved_rows(proof))]
 
 
-def _bars(budget: Budget) -> Group:
+def bars(budget: Budget) -> Group:
     """Return bars of the values by source, a panel for each metric."""
     panels, units = [], dict.fromkeys(budget.axes.units)
     for metric in budget.metrics:
         rows = [row for row in (*budget.rows, budget.total) if metric in row.bounds]
-        panel = Panel(metric, " or ".join(units), height=240)
+        largest = max((float(row.bounds[metric].value.max()) for row in rows), default=0.0)
+        panel = Panel(metric, " or ".join(units), height=300, y_range=(0.0, 1.05 * largest or 1.0))
         names = [row.source for row in rows]
         for k, axis in enumerate(budget.axes.names):
             values = [float(row.bounds[metric].value[k]) for row in rows]
