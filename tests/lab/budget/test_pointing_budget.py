@@ -78,6 +78,12 @@ def test_an_error_of_the_model_is_a_source_that_members_draw() -> None:
     assert rms[1] == pytest.approx(2.0 * rms[0], rel=0.02)
 
 
+def test_what_is_simplified_is_listed() -> None:
+    changes = {"sensors.joint_position": {"noise": 1e-6, "quantisation": 1e-4}}
+    budget = fs.budget(fs.trial("m1", changes))
+    assert "sensors.joint_position.quantisation: flown" in " ".join(budget.left_out)
+
+
 def test_the_verdict_in_the_docs_is_that_of_the_command() -> None:
     """docs/budget.md, to a few percent: a plan depends on the machine in its last digits."""
     page = (Path(__file__).parents[3] / "docs/budget.md").read_text()
@@ -105,6 +111,7 @@ def test_the_instruments_of_an_observatory_are_sources() -> None:
     budget = pointing_budget(trial, source, BudgetRequest())
     kinds = {one.name.partition("testbed.")[2]: one.kind for one in budget.contributions}
     assert kinds["sensors.tracker.noise"] == kinds["sensors.gyro.angle_random_walk"] == "noise"
+    assert kinds["sensors.speeds.noise"] == "noise"
     assert kinds["orbit"] == "torque"
     assert any("one way" in words for words in budget.left_out)
     assert budget.axes.names == ("x", "y", "z")

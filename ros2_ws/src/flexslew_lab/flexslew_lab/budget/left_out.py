@@ -2,8 +2,9 @@
 
 from typing import Any
 
+from flexslew_lab.budget.quantisation import DITHER
 from flexslew_lab.budget.sources import ObservedLoop
-from flexslew_plant.testbeds.instruments import Gyro, StarTracker
+from flexslew_plant.hardware.sensors import Readings
 
 _LINEAR = ("slew_rate", "shortest_pulse")  # keys of motors that no source is made of
 
@@ -27,10 +28,14 @@ def left_out(at: ObservedLoop) -> tuple[str, ...]:
         words.append(f"switches of the controller at {', '.join(f'{t:g} s' for t in switches)}")
     for one in model.appendages.instruments:
         settings: Any = getattr(one, "settings", None)
-        if not isinstance(one, Gyro | StarTracker) and getattr(settings, "noise", None):
-            words.append(f"testbed.sensors.{one.name}: no source, what the law reads of it acts")
         if getattr(settings, "rate_noise", None):
             words.append(f"testbed.sensors.{one.name}.rate_noise: the platform is taken at rest")
+        if getattr(settings, "blind", None):
+            words.append(f"testbed.sensors.{one.name}.blind: the filter always has readings")
+    for key in Readings._fields:
+        channel = getattr(trial.sensors, key)
+        if 0.0 < channel.noise < DITHER * channel.quantisation:
+            words.append(f"sensors.{key}.quantisation: flown without the noise of the channel")
     if at.loop.no_estimate:
         words.append(f"errors of knowledge: {at.loop.no_estimate}")
     words += list(at.loop.point.warnings)

@@ -23,7 +23,7 @@ from flexslew_plant.hardware.sensors import Channel, Readings
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import with_changes
 
-_DITHER = 0.5  # standard deviation of a noise that makes rounding white, of a quantum
+DITHER = 0.5  # standard deviation of a noise that makes rounding white, of a quantum
 _WHITE = "quantum^2 / 12, white, as the noise before it crosses quanta; by the linear loop"
 
 
@@ -65,7 +65,7 @@ def _quanta(at: ObservedLoop) -> Iterator[Quantum]:
         errors = getattr(at.trial.sensors, key)
         if quantum := errors.quantisation:
             inputs = at.loop.signal_inputs(channel_signals(at, key, word))
-            white = errors.noise >= _DITHER * quantum
+            white = errors.noise >= DITHER * quantum
             size = quantum / np.sqrt(12.0) * np.ones(inputs.columns.shape[1])
             yield Quantum(
                 f"sensors.{key}.quantisation", inputs.times(size), white, _sensor(key, quantum)
@@ -73,13 +73,13 @@ def _quanta(at: ObservedLoop) -> Iterator[Quantum]:
     single = at.loop.point.rest.model.appendages.errors
     if single is not None and single[2].any():
         tips = at.loop.signal_inputs(channel_signals(at, "tip_deflection", "tip"))
-        white = bool((single[0] >= _DITHER * single[2]).all())
+        white = bool((single[0] >= DITHER * single[2]).all())
         inputs = tips.times(single[2] / np.sqrt(12.0))
         yield Quantum("testbed.sensors.quantisation", inputs, white, _tips(at.trial))
     if quantum := at.trial.actuator.quantisation:
         size = quantum / np.sqrt(12.0) * np.ones(at.loop.loop.efforts)
         inputs = at.loop.command_inputs().times(size)
-        white = bool((_demand_noise(at) >= _DITHER * quantum).all())
+        white = bool((_demand_noise(at) >= DITHER * quantum).all())
         yield Quantum("actuator.quantisation", inputs, white, _motors(quantum))
 
 

@@ -13,10 +13,17 @@ from flexslew_lab.budget.windows import Windows
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.schedule import ScheduleEntry
+from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.disturbances import TimedDisturbance, disturbance_effort
 from flexslew_plant.hardware.sensors import Readings
 from flexslew_plant.testbeds import Testbed
-from flexslew_plant.testbeds.instruments import Gyro, StarTracker
+from flexslew_plant.testbeds.instruments import (
+    Gyro,
+    Resolver,
+    StarTracker,
+    SunSensor,
+    Tachometer,
+)
 
 _WHITE = "white noise of every tick, by the linear loop"
 _CONSTANT = "constant, by the linear loop"
@@ -88,16 +95,19 @@ def _reading_errors(
 
 
 def instrument_sources(at: ObservedLoop) -> Iterator[Contribution]:
-    """Yield noises of gyros and star trackers through the attitude filter, its gains settled.
+    """Yield noises of instruments, of gyro and star tracker through the filter's settled gains.
 
     Biases of gyros decay with the gains of its start: see flown_sources.gyro_bias_sources.
+
+    Raises:
+        BadInput: if a Sun sensor has noise; instruments before it have been yielded.
     """
     model, period = at.loop.point.rest.model, at.trial.period
     tips = model.appendages.names
     for one in model.appendages.instruments:
-        inputs = at.loop.signal_inputs(
-            tuple(f"tip.{name}" for name in tips[one.first : one.first + 3])
-        )
+        count = 3 if isinstance(one, StarTracker) else len(one.axes)  # of its quaternion: a turn
+        read = tips[one.first : one.first + count]
+        inputs = at.loop.signal_inputs(tuple(f"tip.{name}" for name in read))
         place = f"testbed.sensors.{one.name}"
         if isinstance(one, Gyro):
             yield from _gyro_errors(at, one, place, inputs)
@@ -108,6 +118,11 @@ def instrument_sources(at: ObservedLoop) -> Iterator[Contribution]:
             if root.any():
                 words = "white, readings of every tick with as much information; by the linear loop"
                 yield at.noise(f"{place}.noise", "noise", words, inputs.times(root))
+        elif isinstance(one, Tachometer | Resolver) and one.settings.noise:
+            noise = inputs.times(one.settings.noise * np.ones(count))
+            yield at.noise(f"{place}.noise", "noise", _WHITE, noise)
+        elif isinstance(one, SunSensor) and one.settings.noise:
+            raise BadInput(f"the noise of {place} is not taken through the attitude filter")
 
 
 def _gyro_errors(
