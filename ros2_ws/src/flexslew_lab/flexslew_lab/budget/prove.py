@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.stats import t
 
 from flexslew_lab.budget.error_free import simulate
 from flexslew_lab.budget.pointing_budget import Budget
@@ -22,7 +23,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
 
 LINEAR = 0.05  # largest error of linear theory that agrees, of the root mean square [-]
-_SCATTER = 3.0  # standard errors of the flown root mean square
+_CONFIDENCE = 0.9973  # of the scatter of the flown root mean square, by Student's t [-]
 
 
 class ProvedMetric(NamedTuple):
@@ -34,7 +35,8 @@ class ProvedMetric(NamedTuple):
         flown: by the bench [rad or m].
         error: standard error of `flown`, from the scatter between members [rad or m].
         inside: share of points of all members that the total bounds [-].
-        agrees: |flown - predicted| is at most LINEAR of the prediction and three standard errors.
+        agrees: |flown - predicted| is at most LINEAR of the prediction and the standard errors that
+            contain 99.73 % by Student's t, about three.
     """
 
     metric: str
@@ -136,7 +138,8 @@ def _compared(budget: Budget, metric: str, squares: Matrix, inside: Matrix) -> l
     flown = np.sqrt(squares.mean(axis=0))
     scatter = squares.std(axis=0, ddof=1) / np.sqrt(len(squares))
     error = scatter / (2.0 * np.maximum(flown, np.finfo(float).tiny))
-    agrees = abs(flown - predicted) <= LINEAR * predicted + _SCATTER * error
+    errors = float(t.ppf(0.5 * (1.0 + _CONFIDENCE), len(squares) - 1))  # 3.03 of 500 members
+    agrees = abs(flown - predicted) <= LINEAR * predicted + errors * error
     share = inside.mean(axis=0)
     return [
         ProvedMetric(
