@@ -7,11 +7,11 @@ flight["tip"], flight.metrics["residual_tip_deflection"]
 
 trial, fly, read and sweep fly trials; Flight and Sweep are what comes back; laws(), planners()
 and testbeds() list what there is; bench puts a trial on a Bench that is stepped by hand. plan,
-compare, analyse, gains, identify and study are the commands of these names, prove is
-`analyse --prove`, worst_case `analyse --guarantee`. uncertain_model pulls uncertain parameters out
-of a plant. plot draws runs for a paper. save_law keeps a design of python-control for a
-trial file; minimal leaves out of a model what nothing moves or sees. A name is imported when it is
-used first.
+compare, analyse, budget, gains, identify and study are the commands of these names, prove is
+`analyse --prove`, prove_budget `budget --prove`, worst_case `analyse --guarantee`. uncertain_model
+pulls uncertain parameters out of a plant. plot draws runs for a paper. save_law keeps a design of
+python-control for a trial file; minimal leaves out of a model what nothing moves or sees. A name
+is imported when it is used first.
 """
 
 from importlib import import_module
@@ -30,12 +30,14 @@ if TYPE_CHECKING:
     from flexslew_lab.front import (
         analyse,
         bench,
+        budget,
         compare,
         gains,
         identify,
         plan,
         plot,
         prove,
+        prove_budget,
         study,
         uncertain_model,
         worst_case,
@@ -64,6 +66,7 @@ __all__ = [
     "Trial",
     "analyse",
     "bench",
+    "budget",
     "compare",
     "fly",
     "gains",
@@ -76,6 +79,7 @@ __all__ = [
     "planners",
     "plot",
     "prove",
+    "prove_budget",
     "read",
     "save_law",
     "study",
@@ -96,12 +100,14 @@ _HOMES = {  # modules that are imported when one of their names is used first
     "flexslew_lab.front": (
         "analyse",
         "bench",
+        "budget",
         "compare",
         "gains",
         "identify",
         "plan",
         "plot",
         "prove",
+        "prove_budget",
         "study",
         "uncertain_model",
         "worst_case",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import closing
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ from flexslew_lab.trial.trial import Trial, bench_settings, plan_of_trial
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
 from flexslew_plant.extras import required
+from flexslew_plant.near_names import spelling_hint
 from flexslew_plant.own_code import ANY_CODE, NO_CODE, Trust
 from flexslew_plant.settings import validated
 
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
 
     from flexslew_lab.analysis.analysis import Analysis
     from flexslew_lab.analysis.proof import Proof
+    from flexslew_lab.budget.pointing_budget import Budget
+    from flexslew_lab.budget.prove import ProvedBudget
     from flexslew_lab.comparison.comparison import Comparison
     from flexslew_lab.gains.search import FoundGains
     from flexslew_lab.guarantee.parameters import Vary
@@ -90,6 +94,56 @@ def analyse(
     given = trial_from(what)
     with display_library_progress(given.name, words="analysing"):
         return loop_analysis(given, "trial", controller, at, joints)
+
+
+def budget(
+    what: What = "m1",
+    require: Mapping[str, float | str] | None = None,
+    vary: Vary | None = None,
+    **how: Any,
+) -> Budget:
+    """Return the pointing budget of a trial after its manoeuvre, by error source.
+
+    Args:
+        what: as from `trial`, or what `trial` takes.
+        require: largest values by metric, or by metric and axis ("RPE.x"), [rad or m] or with a
+            unit.
+        vary: errors of the model: name to half of the range, relative, or to its ends.
+        **how: controller, window [s], drift [s], level [-], interpretation: see BudgetRequest.
+
+    Raises:
+        BadInput: if there is no such trial, its loop is not stable or not linear, or a value is
+            not allowed.
+    """
+    from flexslew_lab.budget.pointing_budget import BudgetRequest, pointing_budget
+
+    given = trial_from(what)
+    known = [one.name for one in fields(BudgetRequest) if one.name not in ("require", "vary")]
+    for name in how:
+        if name not in known:
+            hint = spelling_hint(name, known)
+            raise BadInput(f"budget: unknown {name}; {hint}allowed: {', '.join(known)}")
+    request = BudgetRequest(**how, require=dict(require or {}), vary=dict(vary or {}))
+    with display_library_progress(given.name, words="adding up error sources"):
+        return pointing_budget(given, given.name, request)
+
+
+def prove_budget(what: What, found: Budget, members: int = 100) -> ProvedBudget:
+    """Return the total of a budget with that of flights of the bench, each of its own seed.
+
+    Args:
+        what: trial of the budget.
+        found: result of `budget`.
+        members: how many flights, at least 2.
+
+    Raises:
+        BadInput: if the budget has errors of the model, or a flight fails.
+    """
+    from flexslew_lab.budget.prove import prove_budget as proved
+
+    given = trial_from(what)
+    with display_library_progress(given.name, "members", "flying") as update:
+        return proved(given, given.name, found, _count(members, "members"), update)
 
 
 def prove(what: What, found: Analysis) -> Proof:

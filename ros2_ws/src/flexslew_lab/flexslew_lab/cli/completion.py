@@ -17,7 +17,7 @@ _SCRIPT = """_flexslew() {{
 }}
 complete -o default -F _flexslew flexslew ./flexslew"""
 _HEADS = {"bash": "", "zsh": "autoload -U +X bashcompinit && bashcompinit\n"}
-_FLYING = ("trial", "plan", "compare", "console", "analyse", "gains", "model")
+_FLYING = ("trial", "plan", "compare", "console", "analyse", "budget", "gains", "model")
 
 
 def completion(

@@ -13,6 +13,7 @@ from typer.main import get_command
 
 from flexslew_lab.cli.analyse import analyse
 from flexslew_lab.cli.benchmark import benchmark
+from flexslew_lab.cli.budget import budget
 from flexslew_lab.cli.checkout import bench, extras, run_tests
 from flexslew_lab.cli.compare import Sets, TrialFile, compare
 from flexslew_lab.cli.completion import completion
@@ -351,7 +352,7 @@ _GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "Look at runs": (report, compare, figure, archive),
     "Operate a running bench": (*COMMANDS, live),
     "Logs and replay": (resim, check, play, recover),
-    "Analyse and identify": (analyse, gains, model, export, identify, reproduce),
+    "Analyse and identify": (analyse, budget, gains, model, export, identify, reproduce),
     "The bench itself": (bench, extras, completion),
 }
 for _group, _commands in _GROUPS.items():

@@ -74,22 +74,37 @@ def _csv(labels: Sequence[str], rows: Sequence[_Row]) -> str:
 
 def _latex(labels: Sequence[str], rows: Sequence[_Row]) -> str:
     """Return a tabular of three digits, with the rules of the package booktabs."""
-    head = ["metric", "unit", *labels]
+    cells = [
+        (
+            latex_text(name.replace("_", " ").replace(".", ", ")),
+            latex_text(unit).replace(" ", "\\,"),
+            *map(latex_number, values),
+        )
+        for name, unit, values in rows
+    ]
+    return latex_tabular(["metric", "unit", *labels], cells, 2)
+
+
+def latex_tabular(head: Sequence[str], rows: Sequence[Sequence[str]], words: int) -> str:
+    """Return a tabular with the rules of the package booktabs.
+
+    Args:
+        head: of the columns, as text.
+        rows: cells as LaTeX.
+        words: how many of the first columns are words, at the left; numbers are at the right.
+    """
     lines = [
         "% \\usepackage{booktabs}",
-        f"\\begin{{tabular}}{{ll{'r' * len(labels)}}}",
+        f"\\begin{{tabular}}{{{'l' * words}{'r' * (len(head) - words)}}}",
         "\\toprule",
         f"{' & '.join(map(latex_text, head))} \\\\",
         "\\midrule",
+        *(f"{' & '.join(cells)} \\\\" for cells in rows),
     ]
-    for name, unit, values in rows:
-        words = latex_text(name.replace("_", " ").replace(".", ", "))
-        cells = [words, latex_text(unit).replace(" ", "\\,"), *map(_number, values)]
-        lines.append(f"{' & '.join(cells)} \\\\")
     return "\n".join([*lines, "\\bottomrule", "\\end{tabular}", ""])
 
 
-def _number(value: Any) -> str:
+def latex_number(value: Any) -> str:
     """Return a value for LaTeX: a number in three digits, as a power of ten where it is short."""
     if value is None:
         return "--"
