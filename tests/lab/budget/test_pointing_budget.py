@@ -11,9 +11,10 @@ from tests.present import present
 from typer.testing import CliRunner
 
 import flexslew as fs
+from flexslew_lab.budget.budget import Budget, BudgetRequest
 from flexslew_lab.budget.closed_loop import error_loop
 from flexslew_lab.budget.page import bars
-from flexslew_lab.budget.pointing_budget import Budget, BudgetRequest, pointing_budget
+from flexslew_lab.budget.pointing_budget import pointing_budget
 from flexslew_lab.budget.windows import Windows
 from flexslew_lab.cli.main import app
 from flexslew_lab.trial.sources import read_trial

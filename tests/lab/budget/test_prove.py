@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 from tests.representatives import representatives
 
-from flexslew_lab.budget.pointing_budget import Budget, BudgetRequest, pointing_budget
+from flexslew_lab.budget.budget import Budget, BudgetRequest
+from flexslew_lab.budget.pointing_budget import pointing_budget
 from flexslew_lab.budget.prove import ProvedBudget, prove_budget
 from flexslew_lab.trial.sources import read_trial
 from flexslew_plant.errors import BadInput

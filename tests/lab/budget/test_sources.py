@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from flexslew_control.plan import Plan
+from flexslew_lab.budget.budget import Budget, BudgetRequest
 from flexslew_lab.budget.contribution import Contribution
 from flexslew_lab.budget.error_free import error_free, simulate, without_faults
-from flexslew_lab.budget.pointing_budget import Budget, BudgetRequest, pointing_budget
+from flexslew_lab.budget.pointing_budget import pointing_budget
 from flexslew_lab.budget.windows import KNOWLEDGE, METRICS
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import Trial, plan_of_trial

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from flexslew_lab.analysis.analysis import Analysis
     from flexslew_lab.analysis.proof import Proof
-    from flexslew_lab.budget.pointing_budget import Budget
+    from flexslew_lab.budget.budget import Budget
     from flexslew_lab.budget.prove import ProvedBudget
     from flexslew_lab.comparison.comparison import Comparison
     from flexslew_lab.gains.search import FoundGains
@@ -115,7 +115,8 @@ def budget(
         BadInput: if there is no such trial, its loop is not stable or not linear, or a value is
             not allowed.
     """
-    from flexslew_lab.budget.pointing_budget import BudgetRequest, pointing_budget
+    from flexslew_lab.budget.budget import BudgetRequest
+    from flexslew_lab.budget.pointing_budget import pointing_budget
 
     given = trial_from(what)
     known = [one.name for one in fields(BudgetRequest) if one.name not in ("require", "vary")]

@@ -1,6 +1,6 @@
 """The page of a budget: its tables for a review, and bars by source."""
 
-from flexslew_lab.budget.pointing_budget import Budget
+from flexslew_lab.budget.budget import Budget
 from flexslew_lab.budget.prove import ProvedBudget
 from flexslew_lab.budget.tables import (
     MARGIN_COLUMNS,

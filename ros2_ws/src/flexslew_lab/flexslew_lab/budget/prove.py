@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import t
 
+from flexslew_lab.budget.budget import Budget
 from flexslew_lab.budget.error_free import simulate
-from flexslew_lab.budget.pointing_budget import Budget
 from flexslew_lab.studies.batch.fleet import BatchRunner, ReadyTrial
 from flexslew_lab.studies.batch.legs import BatchFlight, FlightMode
 from flexslew_lab.studies.batch.recorded import TICKS

@@ -5,7 +5,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from flexslew_lab.budget.pointing_budget import Budget
+from flexslew_lab.budget.budget import Budget
 from flexslew_lab.budget.prove import ProvedBudget
 from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.publication.figure import format_of, latex_text

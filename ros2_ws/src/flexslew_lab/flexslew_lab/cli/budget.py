@@ -18,7 +18,7 @@ from flexslew_lab.trial.outputs import check_output_file, new_file
 from flexslew_plant.errors import BadInput
 
 if TYPE_CHECKING:
-    from flexslew_lab.budget.pointing_budget import Budget, BudgetRequest
+    from flexslew_lab.budget.budget import Budget, BudgetRequest
     from flexslew_lab.budget.prove import ProvedBudget
 
 
@@ -62,7 +62,7 @@ class MetricOptions:
         Raises:
             BadInput: if a value is not allowed.
         """
-        from flexslew_lab.budget.pointing_budget import BudgetRequest
+        from flexslew_lab.budget.budget import BudgetRequest
         from flexslew_lab.budget.requirements import requirements_of
         from flexslew_lab.guarantee.parameters import vary_of
 
