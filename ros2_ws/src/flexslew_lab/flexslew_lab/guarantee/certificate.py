@@ -1,8 +1,10 @@
 """A certificate that a sampled loop is stable, or a gain bounded, for all parameters in a box.
 
-The box is divided until each part has a stable centre and scalings at every frequency; what holds
-then is checked again by other means: Phi of the undivided state space at other frequencies, and the
-poles of the sampled loop itself at corners and random points of every part.
+Stability is first tried by cells of the box (see cell_cover), which lightly damped loops of a few
+parameters need. Else, and for gains, the box is divided until each part has a stable centre and
+scalings at every frequency. What holds then is checked again by other means: Phi of the undivided
+state space at other frequencies, and the poles of the sampled loop itself at corners and random
+points of every part.
 """
 
 from collections.abc import Callable
@@ -14,6 +16,7 @@ import numpy as np
 from scipy.linalg import schur, solve_sylvester
 
 from flexslew_lab.guarantee.box import Box, corners
+from flexslew_lab.guarantee.cell_cover import Cell, cover_by_cells, failed_check
 from flexslew_lab.guarantee.fractional import Fractional, fractional_over
 from flexslew_lab.guarantee.frequency_cover import Arc, LoopChannels, cover
 from flexslew_lab.guarantee.scalings import DeltaBlocks, Scalings
@@ -23,6 +26,7 @@ _HALF = 0.5
 _ATTEMPTS = 8  # of the time that is left, for one part
 _RIGID = 1e-9  # distance from the unit circle of a pole that the loop does not show
 _SLOW = 0.2  # of a pole's angle: a pole nearer to the circle is one of the first frequencies
+_CELLS_SHARE = 0.5  # of the time, for cells
 _PER_ARC, _POINTS, _MOST_CORNERS = 3, 8, 64
 
 
@@ -56,6 +60,10 @@ class UncertainLoop:
     exact: Callable[[Vector], Matrix]
     stable: Callable[[Vector], bool]
 
+    def dynamics(self, values: Vector) -> Matrix:
+        """Return A at values of the parameters, shape (states, states)."""
+        return self.exact(values)[: self.states, : self.states]
+
     def halves(self, axis: int) -> "list[UncertainLoop]":
         """Return the loop over both halves of its box, fitted again, across a parameter."""
         out = []
@@ -86,7 +94,7 @@ class Certificate:
         checked: points at which the independent check has agreed; 0: not checked.
     """
 
-    parts: tuple[CertifiedPart, ...]
+    parts: tuple[CertifiedPart | Cell, ...]
     unstable: Vector | None = None
     open_at: float | None = None
     checked: int = 0
@@ -126,6 +134,10 @@ def certify(
         seconds: after which no part is divided any more; the certificate then names what is open.
     """
     end = monotonic() + seconds
+    if gain is None:
+        by_cells = _certified_by_cells(loop, _CELLS_SHARE * seconds)
+        if by_cells is not None:
+            return by_cells
     waiting: list[tuple[UncertainLoop, list[float]]] = [(loop, [])]
     proved: list[CertifiedPart] = []
     while waiting:
@@ -142,17 +154,43 @@ def certify(
             return Certificate(tuple(proved), open_at=found.open_at)
         axis = _axis(channels, scalings, found.open_at, part.form.sizes)
         waiting += [(half, [found.open_at]) for half in part.halves(axis)]
-    return checked(Certificate(tuple(proved)), gain)
+    return checked(tuple(proved), gain)
 
 
-def checked(certificate: Certificate, gain: GainLimit | None) -> Certificate:
-    """Return a certificate after the independent check; one that fails it names where.
+def _certified_by_cells(loop: UncertainLoop, seconds: float) -> Certificate | None:
+    """Return a checked certificate of stability by cells, an unstable loop, or None: neither."""
+    found = cover_by_cells(loop.dynamics, loop.stable, loop.box, seconds)
+    if found.unstable is not None:
+        return Certificate(found.cells, unstable=found.unstable)
+    if not found.complete or failed_check(loop.dynamics, found.cells, loop.box) is not None:
+        return None
+    rng, count = np.random.default_rng(3), 0
+    for cell in found.cells:
+        for delta in _check_points(len(loop.box.centre), len(found.cells), rng):
+            if not loop.stable(cell.box.at(delta)):
+                return Certificate(found.cells, unstable=cell.box.at(delta))
+            count += 1
+    return Certificate(found.cells, checked=count)
+
+
+def _check_points(m: int, parts: int, rng: np.random.Generator) -> Matrix:
+    """Return corners and random points of a part, normalised, fewer where there are many parts."""
+    outer = corners(m)
+    most = _MOST_CORNERS // parts + 2
+    if len(outer) > most:
+        outer = outer[rng.choice(len(outer), most, replace=False)]
+    inner = rng.uniform(-1.0, 1.0, (min(_POINTS, most), m))
+    return np.vstack((outer, inner)) * (1.0 - 1e-6)
+
+
+def checked(parts: tuple[CertifiedPart, ...], gain: GainLimit | None) -> Certificate:
+    """Return the certificate of parts after the independent check; one that fails names where.
 
     Per part: Phi of all states at angles within each arc, that arcs leave no angle out, and the
     poles of the sampled loop at corners and random points.
     """
-    rng, count = np.random.default_rng(3), 0
-    for part in certificate.parts:
+    certificate, rng, count = Certificate(parts), np.random.default_rng(3), 0
+    for part in parts:
         loop, m = part.loop, len(part.loop.box.centre)
         whole = channels_of(loop, gain, reduced=False)
         reached = 0.0
@@ -167,11 +205,8 @@ def checked(certificate: Certificate, gain: GainLimit | None) -> Certificate:
             reached = max(reached, arc.high)
         if reached <= np.pi:
             return replace(certificate, open_at=reached)
-        outer = corners(m)
-        if len(outer) > _MOST_CORNERS // len(certificate.parts) + 2:
-            outer = outer[rng.choice(len(outer), _MOST_CORNERS // len(certificate.parts) + 2)]
-        for delta in np.vstack((outer, rng.uniform(-1.0, 1.0, (_POINTS, m)))):
-            values = loop.box.at(delta * (1.0 - 1e-6))
+        for delta in _check_points(m, len(parts), rng):
+            values = loop.box.at(delta)
             if not loop.stable(values):
                 return replace(certificate, unstable=values)
             count += 1
