@@ -14,10 +14,11 @@ from flexslew_control.analysis.linear_plant import sampled_plant
 from flexslew_lab.analysis.analysis import Analysis, loop_analysis
 from flexslew_lab.analysis.page import analysis_page
 from flexslew_lab.cli.main import app
+from flexslew_lab.guarantee.bounds import worst_case_of
 from flexslew_lab.guarantee.flight import guarantee_of
 from flexslew_lab.guarantee.parameters import Vary, box_of
 from flexslew_lab.guarantee.tables import worst_case_sections
-from flexslew_lab.guarantee.worst_case import varied_loop, worst_case_of
+from flexslew_lab.guarantee.varied_loop import varied_loop
 from flexslew_lab.notebook import trial
 from flexslew_plant.errors import BadInput
 

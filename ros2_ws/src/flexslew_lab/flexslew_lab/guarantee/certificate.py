@@ -9,6 +9,7 @@ points of every part.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from time import monotonic
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from scipy.linalg import schur, solve_sylvester
 
 from flexslew_lab.guarantee.box import Box, corners
 from flexslew_lab.guarantee.cell_cover import Cell, cover_by_cells, failed_check
+from flexslew_lab.guarantee.dynamics_fit import DynamicsFit, dynamics_fit
 from flexslew_lab.guarantee.fractional import Fractional, fractional_over
 from flexslew_lab.guarantee.frequency_cover import Arc, LoopChannels, cover
 from flexslew_lab.guarantee.scalings import DeltaBlocks, Scalings
@@ -26,7 +28,7 @@ _HALF = 0.5
 _ATTEMPTS = 8  # of the time that is left, for one part
 _RIGID = 1e-9  # distance from the unit circle of a pole that the loop does not show
 _SLOW = 0.2  # of a pole's angle: a pole nearer to the circle is one of the first frequencies
-_CELLS_SHARE = 0.5  # of the time, for cells
+_CELLS_PARAMETERS, _CELLS_SHARE = 3, 0.5  # most parameters, and share of the time, for cells
 _PER_ARC, _POINTS, _MOST_CORNERS = 3, 8, 64
 
 
@@ -63,6 +65,11 @@ class UncertainLoop:
     def dynamics(self, values: Vector) -> Matrix:
         """Return A at values of the parameters, shape (states, states)."""
         return self.exact(values)[: self.states, : self.states]
+
+    @cached_property
+    def fit(self) -> DynamicsFit:
+        """A over the box, without hidden motions."""
+        return dynamics_fit(self.dynamics, self.box)
 
     def halves(self, axis: int) -> "list[UncertainLoop]":
         """Return the loop over both halves of its box, fitted again, across a parameter."""
@@ -134,7 +141,7 @@ def certify(
         seconds: after which no part is divided any more; the certificate then names what is open.
     """
     end = monotonic() + seconds
-    if gain is None:
+    if gain is None and len(loop.box.centre) <= _CELLS_PARAMETERS:
         by_cells = _certified_by_cells(loop, _CELLS_SHARE * seconds)
         if by_cells is not None:
             return by_cells
@@ -159,7 +166,7 @@ def certify(
 
 def _certified_by_cells(loop: UncertainLoop, seconds: float) -> Certificate | None:
     """Return a checked certificate of stability by cells, an unstable loop, or None: neither."""
-    found = cover_by_cells(loop.dynamics, loop.stable, loop.box, seconds)
+    found = cover_by_cells(loop.dynamics, loop.stable, loop.fit, seconds)
     if found.unstable is not None:
         return Certificate(found.cells, unstable=found.unstable)
     if not found.complete or failed_check(loop.dynamics, found.cells, loop.box) is not None:

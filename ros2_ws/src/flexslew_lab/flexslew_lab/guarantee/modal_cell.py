@@ -1,14 +1,14 @@
 """Bound of the loop's eigenvalues over a cell of parameters, in modal coordinates.
 
-With delta = c + r x, |x_i| <= 1, and V the eigenvectors at the centre c, the loop A(delta) is
-L + B(x) + ... there, L block diagonal, B linear in x. X(x) solves L X - X L = B_d - B, where B_d are
-the diagonal blocks of B, and T = V (I + X) leaves
+With delta = c + r x, |x_i| <= 1, and V the eigenvectors at the centre c, the loop there is
+V^-1 A V = L + B(x) + C(x): L is block diagonal, B linear in x, C of higher order. Let B_d be the
+diagonal blocks of B, and X(x) solve L X - X L = B_d - B. Then T = V (I + X) leaves
 
-    T^-1 A T = L + B_d + (I + X)^-1 (B X - X B_d + C (I + X)),
+    T^-1 A T = L + B_d + (I + X)^-1 (B X - X B_d + C (I + X)).
 
-where C = A - L - B is what is not linear. The last term is of second order in the cell's size. So the
-matrix of the blocks' largest norms, M, has a spectral radius that no loop of the cell exceeds. Light
-damping makes cells small, but not many of them: a frequency may move by the root of the damping.
+The last term is of second order in the cell's size. The matrix M of the largest norms of the blocks
+has a spectral radius that no loop of the cell exceeds. Light damping makes cells small, but not
+many: within one a frequency may move by a share of the root of the damping ratio.
 """
 
 from collections.abc import Sequence
@@ -22,14 +22,14 @@ from scipy.linalg import cholesky, schur, solve_discrete_lyapunov, solve_sylvest
 from flexslew_control.analysis.loop import Complex
 from flexslew_lab.guarantee.box import corners
 from flexslew_lab.guarantee.polynomial import Polynomial
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Indices, Matrix, Vector
 
 _NEAR = 0.7  # of the distance from the unit circle: nearer eigenvalues share a block
 _SLACK = 0.5  # of a block's distance from the circle that its coordinates leave
 _ROUNDING = 1e-15  # of a product's terms, for each state
 
 
-class Terms(NamedTuple):
+class MatrixTerms(NamedTuple):
     """A polynomial as arrays: exponents, shape (k, m), and matrices, shape (k, n, n)."""
 
     exponents: Matrix
@@ -44,11 +44,11 @@ class Terms(NamedTuple):
         return np.asarray(factor * np.prod(at ** np.maximum(left, 0.0), axis=1))
 
 
-def terms_of(polynomial: Polynomial) -> Terms:
+def terms_of(polynomial: Polynomial) -> MatrixTerms:
     """Return the terms of a polynomial as arrays."""
     powers = list(polynomial.terms)
     exponents = np.array([[p.count(i) for i in range(polynomial.parameters)] for p in powers])
-    return Terms(exponents.astype(float), np.array([polynomial.terms[p] for p in powers]))
+    return MatrixTerms(exponents.astype(float), np.array([polynomial.terms[p] for p in powers]))
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class ModalCell:
     """
 
     basis: Complex
-    blocks: tuple[Vector, ...]
+    blocks: tuple[Indices, ...]
     middle: Complex
     slopes: Complex
     turns: Complex
@@ -80,8 +80,8 @@ class ModalCell:
         return radius_of(self.comparison(size))
 
     def comparison(self, size: Vector) -> Matrix:
-        """Return M, the largest norms of blocks for |x_i| <= size_i, shape (blocks, blocks)."""
-        x = _weighted(abs(self.turns), size)
+        """Return M, the largest norms of blocks for `|x_i| <= size_i`, shape (blocks, blocks)."""
+        x = np.tensordot(size, abs(self.turns), 1)
         eye, n = np.eye(len(x)), len(x)
         if x.sum(axis=1).max(initial=0.0) >= 1.0 and max(abs(np.linalg.eigvals(x))) >= 1.0:
             return np.full((len(self.blocks), len(self.blocks)), np.inf)
@@ -131,19 +131,20 @@ class ModalCell:
         return np.asarray(self.basis @ (np.eye(len(self.basis)) + np.tensordot(x, self.turns, 1)))
 
 
-def modal_cell(terms: Terms, centre: Vector, radius: Vector, error: float) -> ModalCell:
+def modal_cell(terms: MatrixTerms, centre: Vector, radius: Vector, error: float) -> ModalCell:
     """Return the loop about the centre of a cell.
 
     Args:
         terms: of A(delta).
-        centre, radius: of the cell, shape (m,).
+        centre: of the cell, shape (m,).
+        radius: half of its sides, shape (m,).
         error: of each entry of A.
 
     Raises:
         numpy.linalg.LinAlgError: if the eigenvectors are not independent.
     """
     m, n = len(centre), terms.matrices.shape[1]
-    a = np.tensordot(terms.derivative(centre, ()), terms.matrices, 1)
+    a = np.asarray(np.tensordot(terms.derivative(centre, ()), terms.matrices, 1), complex)
     basis, blocks = _blocks(a)
     inverse = np.linalg.inv(basis)
     modal = inverse @ terms.matrices @ basis
@@ -163,7 +164,7 @@ def modal_cell(terms: Terms, centre: Vector, radius: Vector, error: float) -> Mo
             slopes[p] @ turns[q] - turns[q] @ np.where(outside, 0.0, slopes[p])
             for p, q in set(permutations((i, j)))
         )
-    thirds = {}
+    thirds: dict[tuple[int, ...], Matrix] = {}
     for axes in combinations_with_replacement(range(m), 3):
         weight = np.prod(radius[list(axes)]) * len(set(permutations(axes))) / 6.0
         factors = terms.derivative(abs(centre) + radius, axes)
@@ -173,20 +174,16 @@ def modal_cell(terms: Terms, centre: Vector, radius: Vector, error: float) -> Mo
     return ModalCell(basis, blocks, middle, slopes, turns, seconds, bends, (thirds, constant))
 
 
-def radius_of(matrix: Matrix) -> float:
+def radius_of(matrix: Matrix | Complex) -> float:
     """Return the spectral radius of a matrix, inf where it is not finite."""
     if not np.isfinite(matrix).all():
         return np.inf
     return float(abs(np.linalg.eigvals(matrix)).max(initial=0.0))
 
 
-def _weighted(parts: Matrix, size: Vector) -> Matrix:
-    return np.asarray(np.tensordot(size, parts, 1))
-
-
-def _turn(middle: Complex, wanted: Complex, blocks: tuple[Vector, ...]) -> Complex:
+def _turn(middle: Complex, wanted: Complex, blocks: tuple[Indices, ...]) -> Complex:
     """Return X with L X - X L = wanted outside of the diagonal blocks of L, zero within."""
-    single = np.array([own[0] for own in blocks if len(own) == 1], dtype=int)
+    single = np.array([own[0] for own in blocks if len(own) == 1], dtype=np.int64)
     groups = [(single, True)] * bool(len(single))
     groups += [(own, False) for own in blocks if len(own) > 1]
     out = np.zeros_like(middle)
@@ -206,7 +203,7 @@ def _turn(middle: Complex, wanted: Complex, blocks: tuple[Vector, ...]) -> Compl
     return out
 
 
-def _blocks(a: Matrix) -> tuple[Complex, tuple[Vector, ...]]:
+def _blocks(a: Complex) -> tuple[Complex, tuple[Indices, ...]]:
     """Return coordinates in which a matrix is block diagonal, and the columns of each block.
 
     Eigenvalues share a block where they are nearer to each other than to the unit circle. A block
@@ -222,19 +219,20 @@ def _blocks(a: Matrix) -> tuple[Complex, tuple[Vector, ...]]:
     for one in np.unique(label):
         own = np.flatnonzero(label == one)
         parts.append(vectors[:, own] if len(own) == 1 else _together(a, values[own], values))
-        blocks.append(np.arange(first, first + len(own)))
+        blocks.append(np.arange(first, first + len(own), dtype=np.int64))
         first += len(own)
     return np.asarray(np.hstack(parts), dtype=np.complex128), tuple(blocks)
 
 
-def _together(a: Matrix, own: Complex, values: Complex) -> Complex:
+def _together(a: Complex, own: Complex, values: Complex) -> Complex:
     """Return a basis of the invariant subspace of some eigenvalues, in Lyapunov coordinates."""
     others = np.setdiff1d(values, own)
 
-    def belongs(value: complex) -> bool:
+    def belongs(real: float, imaginary: float = 0.0) -> bool:  # scipy gives one complex number
+        value = real + 1j * imaginary
         return bool(abs(own - value).min() < abs(others - value).min(initial=np.inf))
 
-    triangular, basis, kept = schur(a, output="complex", sort=belongs)
+    triangular, basis, kept = schur(a, sort=belongs)
     if kept != len(own):
         raise np.linalg.LinAlgError("eigenvalues of a block are not separate")
     block = triangular[:kept, :kept]

@@ -7,7 +7,8 @@ from flexslew_lab.guarantee.flight import Guarantee
 from flexslew_lab.guarantee.frequency_cover import peak
 from flexslew_lab.guarantee.parameters import loop_values
 from flexslew_lab.guarantee.response import grid_of, response_at, sample_points, sizes
-from flexslew_lab.guarantee.worst_case import VariedLoop, WorstCase
+from flexslew_lab.guarantee.varied_loop import VariedLoop
+from flexslew_lab.guarantee.worst_case import WorstCase
 from flexslew_lab.report.panels import Group, Panel, legend, style
 from flexslew_lab.report.sections import Section, Table
 from flexslew_lab.short_values import in_columns
