@@ -109,8 +109,8 @@ class ModalCell:
     def _modulus(self, k: int, size: Vector) -> float:
         """Return the largest modulus of an eigenvalue to second order: |l + d| with d = d(x).
 
-        A shift along the circle counts by its square: |l + d| <= a + t^2 / 2a, where a is the
-        radial part and t the tangential one.
+        A shift along the circle counts by its square: sqrt(a^2 + t^2), where a is the radial part
+        and t the tangential one.
         """
         value = self.middle[k, k]
         radius = abs(value)
@@ -122,9 +122,7 @@ class ModalCell:
             term = toward * q[k, k] * size[i] * size[j]
             bent += max(term.real, 0.0) if i == j else abs(term.real)
             across += abs(term.imag)
-        outward = radius + radial + bent
-        return float(min(np.hypot(outward, across), outward + across**2 / (2.0 * radius))
-                     if radius > 0.0 else np.hypot(outward, across))  # fmt: skip
+        return float(np.hypot(radius + radial + bent, across))
 
     def coordinates(self, x: Vector) -> Complex:
         """Return T at x."""
