@@ -1,6 +1,6 @@
 """Both bounds of a worst case: the nearest unstable loop, and the largest certified box."""
 
-from time import monotonic
+from time import thread_time
 
 import numpy as np
 
@@ -45,7 +45,7 @@ def worst_case_of(
     if not varied.stable(box.centre):
         raise BadInput("the loop is not stable at the centre of these ranges", key="vary")
     searched = largest_scale(varied.parameters, _LARGEST)
-    wide, end = varied.over(box.scaled(searched)), monotonic() + seconds
+    wide, end = varied.over(box.scaled(searched)), thread_time() + seconds
     unstable = _nearest(wide, box)
     certified, certificate, unstable = _certified(varied, wide, unstable, end)
     gains = _gain_bounds(varied, min(certified, 1.0), seconds) if certified > 0.0 else ()
@@ -73,7 +73,7 @@ def _certified(
     box = box_of(varied.parameters)
 
     def attempt(scale: float) -> Certificate:
-        seconds = max(_ATTEMPT_SHARE * (end - monotonic()), _LEAST_SECONDS)
+        seconds = max(_ATTEMPT_SHARE * (end - thread_time()), _LEAST_SECONDS)
         return certify(varied.over(box.scaled(scale)), seconds=seconds)
 
     edge = np.inf if unstable is None else unstable.scale

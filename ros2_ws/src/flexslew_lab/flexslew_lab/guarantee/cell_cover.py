@@ -6,7 +6,7 @@ divided across the parameter whose half leaves the least bound.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from time import monotonic
+from time import thread_time
 from typing import NamedTuple
 
 import numpy as np
@@ -70,7 +70,7 @@ def cover_by_cells(
     Raises:
         ValueError: if the size of A differs within the box.
     """
-    box, m, start = whole.box, len(whole.box.centre), monotonic()
+    box, m, start = whole.box, len(whole.box.centre), thread_time()
     waiting = [(whole, np.zeros(m), np.ones(m))]
     proved: list[Cell] = []
     while waiting:
@@ -131,7 +131,7 @@ def _share(cells: Sequence[Cell], box: Box) -> float:
 
 def _hopeless(cells: Sequence[Cell], box: Box, start: float, seconds: float) -> bool:
     """Return whether the rest of the box would take longer than the time that is left."""
-    spent = monotonic() - start
+    spent = thread_time() - start
     return spent > seconds or (
         spent > _JUDGED * seconds and _share(cells, box) < _JUDGED * spent / seconds
     )

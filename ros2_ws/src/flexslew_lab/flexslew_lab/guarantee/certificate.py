@@ -10,7 +10,7 @@ points of every part.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from time import monotonic
+from time import thread_time
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from flexslew_lab.guarantee.scalings import DeltaBlocks, Scalings
 from flexslew_plant.arrays import Matrix, Vector
 
 _HALF = 0.5
-_ATTEMPTS = 8  # of the time that is left, for one part
+_ATTEMPTS = 4  # of the time that is left, for one part
 _RIGID = 1e-9  # distance from the unit circle of a pole that the loop does not show
 _SLOW = 0.2  # of a pole's angle: a pole nearer to the circle is one of the first frequencies
 _CELLS_PARAMETERS, _CELLS_SHARE = 3, 0.5  # most parameters, and share of the time, for cells
@@ -140,7 +140,7 @@ def certify(
         parts: largest number of parts of the box.
         seconds: after which no part is divided any more; the certificate then names what is open.
     """
-    end = monotonic() + seconds
+    end = thread_time() + seconds
     if gain is None and len(loop.box.centre) <= _CELLS_PARAMETERS:
         by_cells = _certified_by_cells(loop, _CELLS_SHARE * seconds)
         if by_cells is not None:
@@ -152,12 +152,12 @@ def certify(
         if not part.stable(part.box.centre):
             return Certificate(tuple(proved), unstable=part.box.centre)
         channels, scalings = channels_of(part, gain), Scalings(structure(part, gain))
-        share = monotonic() + (end - monotonic()) / _ATTEMPTS
+        share = thread_time() + (end - thread_time()) / _ATTEMPTS
         found = cover(channels, scalings, [*first, *_critical(channels.a)], share)
         if found.open_at is None:
             proved.append(CertifiedPart(part, found.arcs))
             continue
-        if len(proved) + len(waiting) + 2 > parts or monotonic() > end:
+        if len(proved) + len(waiting) + 2 > parts or thread_time() > end:
             return Certificate(tuple(proved), open_at=found.open_at)
         axis = _axis(channels, scalings, found.open_at, part.form.sizes)
         waiting += [(half, [found.open_at]) for half in part.halves(axis)]

@@ -1,6 +1,6 @@
 """A worst case as figures: mu over frequency with both bounds, and the bands of the responses."""
 
-from time import monotonic
+from time import thread_time
 
 import numpy as np
 
@@ -30,12 +30,12 @@ def upper_bounds(loop: UncertainLoop, seconds: float = _SECONDS) -> Matrix:
         loop: over its box.
         seconds: after which no frequency is added; those that are done are spread evenly.
     """
-    channels, blocks, end = channels_of(loop), structure(loop), monotonic() + seconds
+    channels, blocks, end = channels_of(loop), structure(loop), thread_time() + seconds
     angles = grid_of(channels.a)
     few = angles[np.unique(np.linspace(0, len(angles) - 1, _CURVE).astype(int))]
     done: list[tuple[float, float]] = []
     for k in sorted(range(len(few)), key=lambda k: bin(k)[:1:-1]):  # halves, then quarters, ...
-        if monotonic() > end and done:
+        if thread_time() > end and done:
             break
         done.append((float(few[k]), peak(channels, blocks, float(few[k]), accuracy=0.05)))
     return np.array(sorted(done)).T
