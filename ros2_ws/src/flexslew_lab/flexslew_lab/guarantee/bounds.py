@@ -21,7 +21,7 @@ _TRIES = (0.995, 0.96, 0.91, 0.8, 0.5)  # of its scale, to be certified
 _GAIN_TRIES = (1.2, 1.05, 1.01)  # times the largest gain found
 _SECONDS = 60.0  # of all attempts
 _ATTEMPT_SHARE, _LEAST_SECONDS = 0.6, 2.0  # of the time that is left, for one attempt
-_GAIN_SHARE = 0.1  # of the time, for one attempt at a gain
+_GAIN_SHARE, _LEAST_GAIN = 0.15, 0.1  # of the time, for a gain; of that, to try once more
 
 
 def worst_case_of(
@@ -102,10 +102,11 @@ def _gain_bounds(varied: VariedLoop, scale: float, seconds: float) -> tuple[Gain
         loop = loops[response.pointing]
         unit = GainLimit(1.0, response.complement)
         peak = largest_peak(loop, unit)
-        bound = np.inf
+        bound, most = np.inf, _GAIN_SHARE * seconds
+        end = thread_time() + most
         for factor in _GAIN_TRIES:
-            gain = GainLimit(factor * peak.size, response.complement)
-            if not certify(loop, gain, seconds=_GAIN_SHARE * seconds).holds:
+            gain, left = GainLimit(factor * peak.size, response.complement), end - thread_time()
+            if left < _LEAST_GAIN * most or not certify(loop, gain, seconds=left).holds:
                 break
             bound = gain.bound
         nominal = peak_at(loop, np.zeros(len(box.centre)), unit)

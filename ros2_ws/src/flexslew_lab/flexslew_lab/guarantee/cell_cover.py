@@ -76,7 +76,10 @@ def cover_by_cells(
     while waiting:
         region, centre, radius = waiting.pop()
         here = Box(region.box.at(centre), region.box.radius * radius)
-        if _hopeless(proved, box, start, seconds) or (here.radius < _LEAST * box.radius).any():
+        if (
+            is_hopeless([c.box for c in proved], box, start, seconds)
+            or (here.radius < _LEAST * box.radius).any()
+        ):
             return CellCover(tuple(proved), is_open=True)
         if not stable(here.centre):
             return CellCover(tuple(proved), unstable=here.centre)
@@ -104,14 +107,10 @@ def failed_check(
     cell A itself, not its fit, has blocks within the norms, and these a positive vector d with
     M d < d, which bounds the spectral radius (Collatz and Wielandt).
     """
+    missing = uncovered([cell.box for cell in cells], box)
+    if missing is not None:
+        return missing
     rng, m = np.random.default_rng(5), len(box.centre)
-    volume = _share(cells, box)
-    low, high = (np.array([c.box.centre + side * c.box.radius for c in cells])
-                 for side in (-1.0 - 1e-9, 1.0 + 1e-9))  # fmt: skip
-    for delta in np.vstack((rng.uniform(-1.0, 1.0, (64, m)), 0.999 * corners(m)[:64])):
-        values = box.at(delta)
-        if abs(volume - 1.0) > 1e-6 or not ((low <= values) & (values <= high)).all(1).any():
-            return values
     for cell in cells:
         size = len(cell.norms)
         weight = np.linalg.solve((1.0 + _FLOOR) * np.eye(size) - cell.norms, np.ones(size))
@@ -124,13 +123,32 @@ def failed_check(
     return None
 
 
-def _share(cells: Sequence[Cell], box: Box) -> float:
+def uncovered(cells: Sequence[Box], box: Box) -> Vector | None:
+    """Return values of a box that no cell contains, None if their volume is that of the box."""
+    rng, m = np.random.default_rng(6), len(box.centre)
+    low, high = (np.array([c.centre + side * c.radius for c in cells])
+                 for side in (-1.0 - 1e-9, 1.0 + 1e-9))  # fmt: skip
+    for delta in np.vstack((rng.uniform(-1.0, 1.0, (64, m)), 0.999 * corners(m)[:64])):
+        values = box.at(delta)
+        if not ((low <= values) & (values <= high)).all(axis=1).any():
+            return values
+    return None if abs(_share(cells, box) - 1.0) < 1e-6 else box.centre
+
+
+def _share(cells: Sequence[Box], box: Box) -> float:
     """Return the volume of cells, of that of the box."""
-    return sum(float(np.prod(cell.box.radius / box.radius)) for cell in cells)
+    return sum(float(np.prod(cell.radius / box.radius)) for cell in cells)
 
 
-def _hopeless(cells: Sequence[Cell], box: Box, start: float, seconds: float) -> bool:
-    """Return whether the rest of the box would take longer than the time that is left."""
+def is_hopeless(cells: Sequence[Box], box: Box, start: float, seconds: float) -> bool:
+    """Return whether the rest of the box would take longer than the time that is left.
+
+    Args:
+        cells: that are done.
+        box: all of it.
+        start: of the search, as time.thread_time counts [s].
+        seconds: that it may take.
+    """
     spent = thread_time() - start
     return spent > seconds or (
         spent > _JUDGED * seconds and _share(cells, box) < _JUDGED * spent / seconds

@@ -17,10 +17,16 @@ import numpy as np
 from scipy.linalg import schur, solve_sylvester
 
 from flexslew_lab.guarantee.box import Box, corners
-from flexslew_lab.guarantee.cell_cover import Cell, cover_by_cells, failed_check
+from flexslew_lab.guarantee.cell_cover import Cell, cover_by_cells, failed_check, uncovered
 from flexslew_lab.guarantee.dynamics_fit import DynamicsFit, dynamics_fit
 from flexslew_lab.guarantee.fractional import Fractional, fractional_over
 from flexslew_lab.guarantee.frequency_cover import Arc, LoopChannels, cover
+from flexslew_lab.guarantee.gain_cells import (
+    BoundedCell,
+    bounded_cells,
+    exceeding,
+    system_fit,
+)
 from flexslew_lab.guarantee.scalings import DeltaBlocks, Scalings
 from flexslew_plant.arrays import Matrix, Vector
 
@@ -28,7 +34,7 @@ _HALF = 0.5
 _ATTEMPTS = 4  # of the time that is left, for one part
 _RIGID = 1e-9  # distance from the unit circle of a pole that the loop does not show
 _SLOW = 0.2  # of a pole's angle: a pole nearer to the circle is one of the first frequencies
-_CELLS_PARAMETERS, _CELLS_SHARE = 3, 0.5  # most parameters, and share of the time, for cells
+_CELLS_PARAMETERS, _CELLS_SHARE = 3, 0.8  # most parameters, and share of the time, for cells
 _PER_ARC, _POINTS, _MOST_CORNERS = 3, 8, 64
 
 
@@ -101,7 +107,7 @@ class Certificate:
         checked: points at which the independent check has agreed; 0: not checked.
     """
 
-    parts: tuple[CertifiedPart | Cell, ...]
+    parts: tuple[CertifiedPart | Cell | BoundedCell, ...]
     unstable: Vector | None = None
     open_at: float | None = None
     checked: int = 0
@@ -141,8 +147,8 @@ def certify(
         seconds: after which no part is divided any more; the certificate then names what is open.
     """
     end = thread_time() + seconds
-    if gain is None and len(loop.box.centre) <= _CELLS_PARAMETERS:
-        by_cells = _certified_by_cells(loop, _CELLS_SHARE * seconds)
+    if len(loop.box.centre) <= _CELLS_PARAMETERS:
+        by_cells = _certified_by_cells(loop, gain, _CELLS_SHARE * seconds)
         if by_cells is not None:
             return by_cells
     waiting: list[tuple[UncertainLoop, list[float]]] = [(loop, [])]
@@ -164,20 +170,37 @@ def certify(
     return checked(tuple(proved), gain)
 
 
-def _certified_by_cells(loop: UncertainLoop, seconds: float) -> Certificate | None:
-    """Return a checked certificate of stability by cells, an unstable loop, or None: neither."""
+def _certified_by_cells(
+    loop: UncertainLoop, gain: GainLimit | None, seconds: float
+) -> Certificate | None:
+    """Return a checked certificate by cells, an unstable loop, or None: neither."""
+    if gain is not None:
+        fit, n = system_fit(loop.exact, loop.box, loop.fit.shown), loop.states
+        cells = bounded_cells(fit, gain.complement, gain.bound, seconds)
+        if cells is None or uncovered([cell.box for cell in cells], loop.box) is not None:
+            return None
+        if exceeding(loop.exact, n, gain.complement, gain.bound, cells) is not None:
+            return None
+        return _with_stable_points(loop, cells)
     found = cover_by_cells(loop.dynamics, loop.stable, loop.fit, seconds)
     if found.unstable is not None:
         return Certificate(found.cells, unstable=found.unstable)
     if not found.complete or failed_check(loop.dynamics, found.cells, loop.box) is not None:
         return None
+    return _with_stable_points(loop, found.cells)
+
+
+def _with_stable_points(
+    loop: UncertainLoop, cells: tuple[Cell, ...] | tuple[BoundedCell, ...]
+) -> Certificate:
+    """Return the certificate of cells after a check of the sampled loop at points of each."""
     rng, count = np.random.default_rng(3), 0
-    for cell in found.cells:
-        for delta in _check_points(len(loop.box.centre), len(found.cells), rng):
+    for cell in cells:
+        for delta in _check_points(len(loop.box.centre), len(cells), rng):
             if not loop.stable(cell.box.at(delta)):
-                return Certificate(found.cells, unstable=cell.box.at(delta))
+                return Certificate(cells, unstable=cell.box.at(delta))
             count += 1
-    return Certificate(found.cells, checked=count)
+    return Certificate(cells, checked=count)
 
 
 def _check_points(m: int, parts: int, rng: np.random.Generator) -> Matrix:

@@ -81,30 +81,48 @@ class ModalCell:
 
     def comparison(self, size: Vector) -> Matrix:
         """Return M, the largest norms of blocks for `|x_i| <= size_i`, shape (blocks, blocks)."""
-        x = np.tensordot(size, abs(self.turns), 1)
-        eye, n = np.eye(len(x)), len(x)
-        if x.sum(axis=1).max(initial=0.0) >= 1.0 and max(abs(np.linalg.eigvals(x))) >= 1.0:
-            return np.full((len(self.blocks), len(self.blocks)), np.inf)
-        second = sum((size[i] * size[j] * abs(q) for (i, j), q in self.seconds.items()),
-                     np.zeros((n, n)))  # fmt: skip
-        bend = sum((size[i] * size[j] * abs(q) for (i, j), q in self.bends.items()),
-                   np.zeros((n, n)))  # fmt: skip
-        third = sum((np.prod(size[list(p)]) * t for p, t in self.rest[0].items()), self.rest[1])
-        third = third @ (eye + x) + bend @ x
-        later = third + x @ np.linalg.solve(eye - x, second + third)
-        every = later + second
-        out = np.array([[np.linalg.norm(every[np.ix_(a, b)]) for b in self.blocks]
-                        for a in self.blocks])  # fmt: skip
-        outer = corners(len(size)) * size
+        second, later = self._entries(size)
+        out, within = self.block_norms(second + later), 1.0 - self.rooms(size)[0]
         for k, own in enumerate(self.blocks):
             if len(own) == 1:
                 out[k, k] = self._modulus(int(own[0]), size) + later[own[0], own[0]]
             else:
-                here = self.middle[np.ix_(own, own)] + np.tensordot(
-                    outer, self.slopes[:, own][:, :, own], 1
-                )
-                out[k, k] += np.linalg.norm(here, 2, axis=(1, 2)).max()
-        return np.asarray(out)
+                out[k, k] += within[k]
+        return out
+
+    def coupling(self, size: Vector) -> Matrix:
+        """Return the norms of the blocks of E, T^-1 A T = L + B_d + E, shape (blocks, blocks)."""
+        second, later = self._entries(size)
+        return self.block_norms(second + later)
+
+    def rooms(self, size: Vector) -> tuple[Vector, Vector]:
+        """Return one minus the largest norm of each block of L + B_d, and that of B_d."""
+        outer, found = corners(len(size)) * size, []
+        for own in self.blocks:
+            slopes = np.tensordot(outer, self.slopes[:, own][:, :, own], 1)
+            whole = self.middle[np.ix_(own, own)] + slopes
+            found.append([np.linalg.norm(part, 2, axis=(1, 2)).max() for part in (whole, slopes)])
+        norms = np.array(found)
+        return 1.0 - norms[:, 0], norms[:, 1]
+
+    def block_norms(self, entries: Matrix) -> Matrix:
+        """Return the norms of the blocks of a matrix, shape (blocks, blocks)."""
+        return np.array([[np.linalg.norm(entries[np.ix_(a, b)]) for b in self.blocks]
+                         for a in self.blocks])  # fmt: skip
+
+    def _entries(self, size: Vector) -> tuple[Matrix, Matrix]:
+        """Return bounds of the entries of E: of second order, and of what is left."""
+        x = np.tensordot(size, abs(self.turns), 1)
+        eye, zero = np.eye(len(x)), np.zeros(x.shape)
+        if x.sum(axis=1).max(initial=0.0) >= 1.0 and max(abs(np.linalg.eigvals(x))) >= 1.0:
+            return zero, np.full(x.shape, np.inf)
+        second, bend = (
+            sum((size[i] * size[j] * abs(q) for (i, j), q in terms.items()), zero)
+            for terms in (self.seconds, self.bends)
+        )
+        third = sum((np.prod(size[list(p)]) * t for p, t in self.rest[0].items()), self.rest[1])
+        third = third @ (eye + x) + bend @ x
+        return second, third + x @ np.linalg.solve(eye - x, second + third)
 
     def _modulus(self, k: int, size: Vector) -> float:
         """Return the largest modulus of an eigenvalue to second order: |l + d| with d = d(x).
