@@ -18,10 +18,10 @@ from flexslew_plant.errors import BadInput
 
 _LARGEST = 2.0  # scale to which the nearest unstable loop is sought [-]
 _TRIES = (0.995, 0.96, 0.91, 0.8, 0.5)  # of its scale, to be certified
-_GAIN_TRIES = (1.2, 1.05, 1.01)  # times the largest gain found
+_GAIN_TRIES = (1.2, 1.04, 1.01)  # times the largest gain found
 _SECONDS = 60.0  # of all attempts
 _ATTEMPT_SHARE, _LEAST_SECONDS = 0.6, 2.0  # of the time that is left, for one attempt
-_GAIN_SHARE, _LEAST_GAIN = 0.15, 0.1  # of the time, for a gain; of that, to try once more
+_GAIN_SHARE, _LEAST_GAIN = 0.12, 0.1  # of the time, for a gain; of that, to try once more
 
 
 def worst_case_of(

@@ -32,6 +32,7 @@ from flexslew_plant.arrays import Matrix, Vector
 
 _HALF = 0.5
 _ATTEMPTS = 4  # of the time that is left, for one part
+_LIGHT = 0.01  # damping ratio
 _RIGID = 1e-9  # distance from the unit circle of a pole that the loop does not show
 _SLOW = 0.2  # of a pole's angle: a pole nearer to the circle is one of the first frequencies
 _CELLS_PARAMETERS, _CELLS_SHARE = 3, 0.8  # most parameters, and share of the time, for cells
@@ -147,7 +148,7 @@ def certify(
         seconds: after which no part is divided any more; the certificate then names what is open.
     """
     end = thread_time() + seconds
-    if len(loop.box.centre) <= _CELLS_PARAMETERS:
+    if len(loop.box.centre) <= _CELLS_PARAMETERS and (gain is None or _is_light(loop)):
         by_cells = _certified_by_cells(loop, gain, _CELLS_SHARE * seconds)
         if by_cells is not None:
             return by_cells
@@ -168,6 +169,13 @@ def certify(
         axis = _axis(channels, scalings, found.open_at, part.form.sizes)
         waiting += [(half, [found.open_at]) for half in part.halves(axis)]
     return checked(tuple(proved), gain)
+
+
+def _is_light(loop: UncertainLoop) -> bool:
+    """Return whether the damping is light at the centre: scalings then need too many arcs."""
+    z = loop.fit.poles(np.zeros((1, len(loop.box.centre))))[0]
+    s = np.log(z[abs(z) > _RIGID])
+    return bool((-s.real < _LIGHT * abs(s)).any())
 
 
 def _certified_by_cells(
