@@ -16,7 +16,7 @@ from flexslew_lab.analysis.page import summary_rows
 from flexslew_lab.console.page import Page
 from flexslew_lab.console.view import ControllerView
 from flexslew_lab.notebook import trial
-from flexslew_lab.trial.trial import bench_settings, plant_of
+from flexslew_lab.trial.trial import bench_settings, law_of, plant_of
 from flexslew_plant.settings import plain
 from flexslew_plant.yaml_data import load_yaml, yaml_text
 
@@ -46,9 +46,9 @@ def hands(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Hands]:
     page.close()
 
 
-def analyse(hands: Hands) -> str:
+def analyse(hands: Hands, button: str = "Analyse") -> str:
     """Return what stands on the page after a click and all that it began."""
-    assert hands.click("Analyse") == []
+    assert hands.click(button) == []
     panel: Any = next(p for p in hands.page._panels if type(p).__name__ == "AnalysePanel")
     panel._worker.submit(lambda: None).result()
     hands.refresh()
@@ -65,6 +65,47 @@ def test_the_page_shows_what_the_command_says_of_the_gains_that_fly(hands: Hands
     page = hands.page.server.gate.files["analysis.html"].read_text().replace("<wbr>", "")
     assert "Nichols" in page
     assert f"{np.degrees(expected.efforts[0].phase):.4g}" in page
+
+
+BENCHMARK = trial("acc_benchmark", {"plan": None})
+
+
+@pytest.fixture
+def benchmark(tmp_path: Path) -> Iterator[Hands]:
+    """Yield a page over a bench with the benchmark's spring, flown by its plain design."""
+    link = FakeLink(str(tmp_path))
+    link.view.bench_settings = yaml_text({"bench": plain(bench_settings(BENCHMARK))})
+    link.view.now = link.view.now._replace(state="running", active="plain")
+    law, values = law_of("plain", BENCHMARK.controllers["plain"] or {})
+    built = build_controller("plain", law, values, plant_of(BENCHMARK), "here")
+    text = settings_text(built, law, values)
+    link.view.controllers["plain"] = ControllerView("plain", law, True, "", text)
+    page = Page(link, "127.0.0.1", 0, print, layouts=tmp_path / "layouts.json")
+    hands = Hands(page, link)
+    hands.refresh()
+    yield hands
+    page.close()
+
+
+def test_the_nearest_unstable_loop_is_shown_and_flown(benchmark: Hands) -> None:
+    benchmark.set("uncertain", "testbed.parameters.stiffness=0.5..2")
+    texts = analyse(benchmark, "Guarantee")
+    assert "testbed.parameters.stiffness: unstable at 0.584" in texts
+    assert "flown as predicted" not in texts
+    assert "peak of pointing" in texts
+    page = benchmark.page.server.gate.files["analysis.html"].read_text()
+    assert "Structured singular value" in page
+    assert "Worst-case bands" in page
+    assert "flown as predicted" in analyse(benchmark, "Fly it")
+
+
+def test_ranges_that_are_none_are_refused_in_words(hands: Hands) -> None:
+    hands.set("uncertain", "stiffness")
+    assert "refused: --vary" in analyse(hands, "Guarantee")
+    hands.set("uncertain", "stifness=20%")
+    assert "refused: vary: no parameter" in analyse(hands, "Guarantee")
+    hands.set("uncertain", "stiffness=0.1%")
+    assert "there is none to fly" in analyse(hands, "Fly it")
 
 
 def settled(hands: Hands) -> str:

@@ -1,5 +1,6 @@
 """Scalings D and G at one frequency, against closed forms of mu."""
 
+import ctrlsys
 import numpy as np
 import pytest
 
@@ -49,3 +50,9 @@ def test_a_multiplier_is_positive_for_every_delta_of_the_box() -> None:
         cross = v.conj() @ found.across @ w
         value = v.conj() @ found.by_v @ v + 2.0 * cross.real - w.conj() @ found.by_w @ w
         assert value.real > -1e-9 * np.linalg.norm(v) ** 2 * np.linalg.norm(found.by_v)
+
+
+def test_slicot_takes_no_repeated_real_parameter() -> None:
+    pair = np.eye(2, dtype=complex, order="F")
+    found = ctrlsys.ab13md(pair, np.array([2], np.int32), np.array([1], np.int32))
+    assert found[-1] == 3  # its exit code for a real block with a size above one

@@ -204,7 +204,7 @@ def worst_case(
     Raises:
         BadInput: as `analyse`, if a parameter is not understood, or the loop is not stable.
     """
-    from flexslew_lab.guarantee.worst_case import worst_case_of
+    from flexslew_lab.guarantee.bounds import worst_case_of
 
     given = trial_from(what)
     found = analyse(given, controller, at, **joints)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import join
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -69,7 +70,13 @@ def analyse(
     from flexslew_lab.analysis.proof_tables import MARGIN_COLUMNS, margin_rows
     from flexslew_lab.guarantee.flight import guarantee_of
     from flexslew_lab.guarantee.parameters import vary_of
-    from flexslew_lab.guarantee.tables import WORST_COLUMNS, worst_case_sections, worst_rows
+    from flexslew_lab.guarantee.tables import (
+        GAIN_COLUMNS,
+        WORST_COLUMNS,
+        gain_rows,
+        worst_case_sections,
+        worst_rows,
+    )
     from flexslew_lab.report.page import write_page
     from flexslew_lab.trial.sources import read_trial
 
@@ -106,12 +113,25 @@ def analyse(
         if worst is not None:
             print_verdict(worst.verdict)
             print_table(WORST_COLUMNS, worst_rows(worst.found))
+            print_table(GAIN_COLUMNS, gain_rows(worst.found))
     if out is not None or not as_json:
-        more = [] if worst is None else worst_case_sections(worst)
+        line = _command(requested.name, file, sets, found, checks)
+        more = [] if worst is None else worst_case_sections(worst, line)
         page = write_page(analysis_page(found, requested.name, proof, more), target)
         print_message(f"written {link(page)}")
     if not _fulfilled(found, proof, worst):
         raise typer.Exit(1)
+
+
+def _command(
+    name: str, file: str | None, sets: list[str] | None, found: "Analysis", checks: CheckOptions
+) -> str:
+    """Return the line of a shell that repeats the analysis, and flies what it finds."""
+    words = ["./flexslew", "analyse", file or name]
+    for option, values in (("--set", sets), ("--vary", checks.vary)):
+        words += [word for value in values or [] for word in (option, value)]
+    words += ["--controller", found.controller, "--at", f"{found.point.rest.time:.9g}"]
+    return join([*words, "--guarantee", "--prove"])
 
 
 def _fulfilled(found: "Analysis", proof: "Proof | None", worst: "Guarantee | None") -> bool:

@@ -1,28 +1,41 @@
 """A certificate that a sampled loop is stable, or a gain bounded, for all parameters in a box.
 
-The box is divided until each part has a stable centre and scalings at every frequency; what holds
-then is checked again by other means: Phi of the undivided state space at other frequencies, and the
-poles of the sampled loop itself at corners and random points of every part.
+Stability is first tried by cells of the box (see cell_cover), which lightly damped loops of a few
+parameters need. Else, and for gains, the box is divided until each part has a stable centre and
+scalings at every frequency. What holds then is checked again by other means: Phi of the undivided
+state space at other frequencies, and the poles of the sampled loop itself at corners and random
+points of every part.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from time import monotonic
+from functools import cached_property
+from time import thread_time
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import schur, solve_sylvester
 
 from flexslew_lab.guarantee.box import Box, corners
+from flexslew_lab.guarantee.cell_cover import Cell, cover_by_cells, failed_check, uncovered
+from flexslew_lab.guarantee.dynamics_fit import DynamicsFit, dynamics_fit
 from flexslew_lab.guarantee.fractional import Fractional, fractional_over
 from flexslew_lab.guarantee.frequency_cover import Arc, LoopChannels, cover
+from flexslew_lab.guarantee.gain_cells import (
+    BoundedCell,
+    bounded_cells,
+    exceeding,
+    system_fit,
+)
 from flexslew_lab.guarantee.scalings import DeltaBlocks, Scalings
 from flexslew_plant.arrays import Matrix, Vector
 
 _HALF = 0.5
-_ATTEMPTS = 8  # of the time that is left, for one part
+_ATTEMPTS = 4  # of the time that is left, for one part
+_LIGHT = 0.01  # damping ratio
 _RIGID = 1e-9  # distance from the unit circle of a pole that the loop does not show
 _SLOW = 0.2  # of a pole's angle: a pole nearer to the circle is one of the first frequencies
+_CELLS_PARAMETERS, _CELLS_SHARE = 3, 0.8  # most parameters, and share of the time, for cells
 _PER_ARC, _POINTS, _MOST_CORNERS = 3, 8, 64
 
 
@@ -56,6 +69,15 @@ class UncertainLoop:
     exact: Callable[[Vector], Matrix]
     stable: Callable[[Vector], bool]
 
+    def dynamics(self, values: Vector) -> Matrix:
+        """Return A at values of the parameters, shape (states, states)."""
+        return self.exact(values)[: self.states, : self.states]
+
+    @cached_property
+    def fit(self) -> DynamicsFit:
+        """A over the box, without hidden motions."""
+        return dynamics_fit(self.dynamics, self.box)
+
     def halves(self, axis: int) -> "list[UncertainLoop]":
         """Return the loop over both halves of its box, fitted again, across a parameter."""
         out = []
@@ -86,7 +108,7 @@ class Certificate:
         checked: points at which the independent check has agreed; 0: not checked.
     """
 
-    parts: tuple[CertifiedPart, ...]
+    parts: tuple[CertifiedPart | Cell | BoundedCell, ...]
     unstable: Vector | None = None
     open_at: float | None = None
     checked: int = 0
@@ -125,7 +147,11 @@ def certify(
         parts: largest number of parts of the box.
         seconds: after which no part is divided any more; the certificate then names what is open.
     """
-    end = monotonic() + seconds
+    end = thread_time() + seconds
+    if len(loop.box.centre) <= _CELLS_PARAMETERS and (gain is None or _is_light(loop)):
+        by_cells = _certified_by_cells(loop, gain, _CELLS_SHARE * seconds)
+        if by_cells is not None:
+            return by_cells
     waiting: list[tuple[UncertainLoop, list[float]]] = [(loop, [])]
     proved: list[CertifiedPart] = []
     while waiting:
@@ -133,26 +159,76 @@ def certify(
         if not part.stable(part.box.centre):
             return Certificate(tuple(proved), unstable=part.box.centre)
         channels, scalings = channels_of(part, gain), Scalings(structure(part, gain))
-        share = monotonic() + (end - monotonic()) / _ATTEMPTS
+        share = thread_time() + (end - thread_time()) / _ATTEMPTS
         found = cover(channels, scalings, [*first, *_critical(channels.a)], share)
         if found.open_at is None:
             proved.append(CertifiedPart(part, found.arcs))
             continue
-        if len(proved) + len(waiting) + 2 > parts or monotonic() > end:
+        if len(proved) + len(waiting) + 2 > parts or thread_time() > end:
             return Certificate(tuple(proved), open_at=found.open_at)
         axis = _axis(channels, scalings, found.open_at, part.form.sizes)
         waiting += [(half, [found.open_at]) for half in part.halves(axis)]
-    return checked(Certificate(tuple(proved)), gain)
+    return checked(tuple(proved), gain)
 
 
-def checked(certificate: Certificate, gain: GainLimit | None) -> Certificate:
-    """Return a certificate after the independent check; one that fails it names where.
+def _is_light(loop: UncertainLoop) -> bool:
+    """Return whether the damping is light at the centre: scalings then need too many arcs."""
+    z = loop.fit.poles(np.zeros((1, len(loop.box.centre))))[0]
+    s = np.log(z[abs(z) > _RIGID])
+    return bool((-s.real < _LIGHT * abs(s)).any())
+
+
+def _certified_by_cells(
+    loop: UncertainLoop, gain: GainLimit | None, seconds: float
+) -> Certificate | None:
+    """Return a checked certificate by cells, an unstable loop, or None: neither."""
+    if gain is not None:
+        fit, n = system_fit(loop.exact, loop.box, loop.fit.shown), loop.states
+        cells = bounded_cells(fit, gain.complement, gain.bound, seconds)
+        if cells is None or uncovered([cell.box for cell in cells], loop.box) is not None:
+            return None
+        if exceeding(loop.exact, n, gain.complement, gain.bound, cells) is not None:
+            return None
+        return _with_stable_points(loop, cells)
+    found = cover_by_cells(loop.dynamics, loop.stable, loop.fit, seconds)
+    if found.unstable is not None:
+        return Certificate(found.cells, unstable=found.unstable)
+    if not found.complete or failed_check(loop.dynamics, found.cells, loop.box) is not None:
+        return None
+    return _with_stable_points(loop, found.cells)
+
+
+def _with_stable_points(
+    loop: UncertainLoop, cells: tuple[Cell, ...] | tuple[BoundedCell, ...]
+) -> Certificate:
+    """Return the certificate of cells after a check of the sampled loop at points of each."""
+    rng, count = np.random.default_rng(3), 0
+    for cell in cells:
+        for delta in _check_points(len(loop.box.centre), len(cells), rng):
+            if not loop.stable(cell.box.at(delta)):
+                return Certificate(cells, unstable=cell.box.at(delta))
+            count += 1
+    return Certificate(cells, checked=count)
+
+
+def _check_points(m: int, parts: int, rng: np.random.Generator) -> Matrix:
+    """Return corners and random points of a part, normalised, fewer where there are many parts."""
+    outer = corners(m)
+    most = _MOST_CORNERS // parts + 2
+    if len(outer) > most:
+        outer = outer[rng.choice(len(outer), most, replace=False)]
+    inner = rng.uniform(-1.0, 1.0, (min(_POINTS, most), m))
+    return np.vstack((outer, inner)) * (1.0 - 1e-6)
+
+
+def checked(parts: tuple[CertifiedPart, ...], gain: GainLimit | None) -> Certificate:
+    """Return the certificate of parts after the independent check; one that fails names where.
 
     Per part: Phi of all states at angles within each arc, that arcs leave no angle out, and the
     poles of the sampled loop at corners and random points.
     """
-    rng, count = np.random.default_rng(3), 0
-    for part in certificate.parts:
+    certificate, rng, count = Certificate(parts), np.random.default_rng(3), 0
+    for part in parts:
         loop, m = part.loop, len(part.loop.box.centre)
         whole = channels_of(loop, gain, reduced=False)
         reached = 0.0
@@ -167,11 +243,8 @@ def checked(certificate: Certificate, gain: GainLimit | None) -> Certificate:
             reached = max(reached, arc.high)
         if reached <= np.pi:
             return replace(certificate, open_at=reached)
-        outer = corners(m)
-        if len(outer) > _MOST_CORNERS // len(certificate.parts) + 2:
-            outer = outer[rng.choice(len(outer), _MOST_CORNERS // len(certificate.parts) + 2)]
-        for delta in np.vstack((outer, rng.uniform(-1.0, 1.0, (_POINTS, m)))):
-            values = loop.box.at(delta * (1.0 - 1e-6))
+        for delta in _check_points(m, len(parts), rng):
+            values = loop.box.at(delta)
             if not loop.stable(values):
                 return replace(certificate, unstable=values)
             count += 1

@@ -8,15 +8,15 @@ import numpy as np
 from flexslew_lab.analysis.analysis import Analysis
 from flexslew_lab.analysis.mode_flight import require_same_bench
 from flexslew_lab.analysis.proof import measured_pole, mode_near
+from flexslew_lab.guarantee.bounds import worst_case_of
 from flexslew_lab.guarantee.parameters import Vary, loop_values
-from flexslew_lab.guarantee.worst_case import (
+from flexslew_lab.guarantee.varied_loop import (
     VariedLoop,
-    WorstCase,
     default_vary,
     situation_of,
     varied_loop,
-    worst_case_of,
 )
+from flexslew_lab.guarantee.worst_case import WorstCase
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -115,6 +115,8 @@ def fly_worst_case(trial: Trial, analysis: Analysis, found: WorstCase) -> FlownW
         raise BadInput("--prove: no unstable loop was found: there is none to fly")
     require_same_bench(trial, analysis)
     p = found.parameters
+    if mode := next((one.name for one in p if one.name.startswith("mode.")), None):
+        raise BadInput(f"--prove: {mode} is no number of a bench; vary stiffness or testbed.KEY")
     centre = np.array([(one.low + one.high) / 2.0 for one in p])
     way = found.unstable.values - centre
     varied = VariedLoop(situation_of(trial, analysis), p, analysis, np.ones(0))

@@ -8,7 +8,7 @@ practical algorithms, International Journal of Robust and Nonlinear Control 13, 
 """
 
 from dataclasses import dataclass
-from time import monotonic
+from time import thread_time
 
 import numpy as np
 
@@ -82,7 +82,7 @@ def cover(
         channels: from w to v.
         scalings: of its structure.
         first: angles to begin with, as those of lightly damped poles [rad].
-        end: of the search, as time.monotonic counts [s].
+        end: of the search, as time.thread_time counts [s].
     """
     continuous = channels.continuous()
     open_parts = [(0.0, np.pi)]
@@ -96,7 +96,7 @@ def cover(
         else:
             queue.remove(angle)
         found = scalings.multiplier(channels.at(angle))
-        if found is None or monotonic() > end:
+        if found is None or thread_time() > end:
             return Cover(tuple(arcs), angle)
         try:
             arc = _arc(channels, continuous, found, angle)

@@ -2,15 +2,22 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexslew_control.analysis.linear_plant import PlantPath, sampled_plant
+from flexslew_control.analysis.linear_plant import (
+    PlantPath,
+    continuous_plant,
+    sampled_plant,
+)
 from flexslew_control.analysis.lti import Lti
+from flexslew_control.analysis.modes import Mode, natural_modes
 from flexslew_control.analysis.rest import Rest, rest_of
+from flexslew_control.analysis.signals import states_of
 from flexslew_lab.guarantee.box import Box
+from flexslew_lab.guarantee.mode_changes import ModeChange, mode_key, with_modes
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -28,6 +35,8 @@ NAMED = {
     "gain.JOINT": "factor on the effort of one motor [-]",
     "lag": "time constant of the motors [s]",
     "delay": "delay of all commands, in addition to that of the trial [s]",
+    "mode.N.frequency": "frequency of a natural mode, its shape as it is [rad/s]",
+    "mode.N.damping": "damping ratio of a natural mode [-]",
     "testbed.KEY": "a number of the testbed's section",
 }
 DEFAULT = {"stiffness": 0.2, "payload": 0.2}  # as the other plants of an analysis
@@ -54,13 +63,17 @@ class Uncertain(NamedTuple):
 
 @dataclass(frozen=True)
 class Situation:
-    """Where a trial's plant is linear: what stands there, where, and the path to its motors."""
+    """Where a trial's plant is linear: what stands there, where, and the path to its motors.
+
+    `modes` holds what natural modes have instead of their own, by their number.
+    """
 
     trial: Trial
     testbed: Testbed
     joints: Mapping[str, float]
     rest: Rest
     path: PlantPath
+    modes: Mapping[int, ModeChange] = field(default_factory=dict)
 
     def changed(self, changes: Mapping[str, float]) -> "Situation":
         """Return it with values of uncertain parameters by name, see NAMED.
@@ -74,6 +87,7 @@ class Situation:
         if factors:
             testbed = testbed.scaled(**factors)
         keys: dict[str, Any] = {}
+        modes = dict(self.modes)
         for name, value in changes.items():
             if name.startswith("testbed."):
                 _put(keys, name.split(".")[1:], value)
@@ -88,17 +102,29 @@ class Situation:
             elif name == "delay":
                 late = np.zeros(efforts) if path.delay is None else path.delay
                 path = replace(path, delay=late + value / path.period)
+            elif (key := mode_key(name)) is not None:
+                modes[key[0]] = modes.get(key[0], ModeChange())._replace(**{key[1]: value})
         if keys:
             testbed = with_changes(testbed, keys, "vary")
         if testbed is self.testbed:
-            return replace(self, path=path)
+            return replace(self, path=path, modes=modes)
         rest = rest_of(testbed, dict(self.joints), self.rest.time)
-        return replace(self, testbed=testbed, rest=rest, path=path)
+        return replace(self, testbed=testbed, rest=rest, path=path, modes=modes)
 
     @property
     def plant(self) -> Lti:
         """The sampled plant, its applied efforts among the outputs."""
-        return sampled_plant(self.rest, self.path, applied=True)
+        plant = sampled_plant(self.rest, self.path, applied=True)
+        if not self.modes:
+            return plant
+        if self.rest.model.appendages.exact_reading is not None:
+            raise BadInput("vary: mode.N is not for tips that read accelerations; vary stiffness")
+        return with_modes(plant, states_of(self.rest.model), self.natural_modes, self.modes)
+
+    @property
+    def natural_modes(self) -> tuple[Mode, ...]:
+        """Modes of the plant, the slowest first, as `analyse` lists them."""
+        return natural_modes(continuous_plant(self.rest, self.path.actuator))
 
 
 def uncertain_parameters(situation: Situation, vary: Vary) -> tuple[Uncertain, ...]:
@@ -214,6 +240,12 @@ def _nominal(situation: Situation, name: str) -> tuple[float, str]:
         return situation.path.actuator.lag, "s"
     if name == "delay":
         return 0.0, "s"
+    if (mode := mode_key(name)) is not None:
+        modes = situation.natural_modes
+        if mode[0] >= len(modes):
+            words = f"the plant has {len(modes)} modes, mode.1 is the slowest"
+            raise BadInput(words, key=f"vary.{name}")
+        return getattr(modes[mode[0]], mode[1]), "rad/s" if mode[1] == "frequency" else ""
     if name.startswith("testbed."):
         value: Any = plain(situation.testbed)
         for part in name.split(".")[1:]:

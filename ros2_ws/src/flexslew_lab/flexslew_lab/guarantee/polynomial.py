@@ -53,17 +53,18 @@ def checks(function: Callable[[Vector], Matrix], box: Box, seed: int = 2) -> Mat
 
 
 def polynomial_over(
-    function: Callable[[Vector], Matrix], box: Box, samples: MatrixSamples
+    function: Callable[[Vector], Matrix], box: Box, samples: MatrixSamples, exact: float = EXACT
 ) -> Polynomial:
-    """Return the polynomial of least degree that has an error of EXACT, else the nearest one.
+    """Return the polynomial of least degree that has an error of `exact`, else the nearest one.
 
     Least squares at points denser towards the sides of the box, as Chebyshev's are. The degree
-    rises until the error at other points is EXACT, or the terms are too many.
+    rises until the error at other points is `exact`, or the terms are too many.
 
     Args:
         function: from values, shape (m,), to a matrix.
         box: of the values.
         samples: of the function at other points of the box.
+        exact: error at which the degree stops rising, of the largest entry [-].
     """
     m, rng = len(box.centre), np.random.default_rng(1)
     points: Matrix = np.zeros((1, m))
@@ -90,7 +91,7 @@ def polynomial_over(
         )
         if error < least:
             best, least = fitted, error
-        if least <= EXACT * scale:
+        if least <= exact * scale:
             break
     return best
 

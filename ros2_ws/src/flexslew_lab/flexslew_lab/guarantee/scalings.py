@@ -248,8 +248,12 @@ def _barrier(x: Vector, slopes: list[Complex]) -> tuple[Vector, Matrix]:
     gradient, hessian = np.zeros(len(x)), np.zeros((len(x), len(x)))
     for part in slopes:
         root = np.linalg.inv(np.linalg.cholesky(np.tensordot(x, part, 1)))
-        scaled = root @ part @ root.conj().T
-        gradient -= np.trace(scaled, axis1=1, axis2=2).real
+        shape: tuple[int, ...] = part.shape
+        star = root.conj().T
+        half = (part.reshape(-1, shape[2]) @ star).reshape(shape)  # one product of large matrices
+        across = np.conj(np.swapaxes(half, 1, 2)).reshape(-1, shape[1])
+        scaled = (across @ star).reshape(shape)  # the parts are Hermitian, so is this
+        gradient -= np.einsum("nii->n", scaled).real
         flat = scaled.reshape(len(x), -1)
         flat = np.hstack((flat.real, flat.imag))
         hessian += flat @ flat.T

@@ -1,10 +1,12 @@
 """Lower bound: the smallest part of the box that contains an unstable loop.
 
-A gradient ascent of the spectral radius over the box from its corners, random points and the last
-worst one (Packard and Pandey's power iteration does not converge for real parameters, so poles are
-ascended directly). What it finds is confirmed on the sampled loop itself.
+Poles at corners and random points of the box, then an ascent from the worst of them: of the growth,
+and of minus the least damping ratio, since a slow pole hides what a faster one does (Packard and
+Pandey's power iteration does not converge for real parameters, so poles are ascended directly).
+What it finds is confirmed on the sampled loop itself.
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -15,10 +17,11 @@ from flexslew_lab.guarantee.box import corners
 from flexslew_lab.guarantee.certificate import UncertainLoop
 from flexslew_plant.arrays import Matrix, Vector
 
-_STARTS, _MOST_CORNERS, _ASCENTS = 16, 64, 4
-_ROUNDING = 1e-9  # of poles on the circle that the loop does not show
+_POINTS, _MOST_CORNERS, _ASCENTS = 400, 64, 3
 _INWARD = 1e-3  # of the scale: the next search begins so much nearer to the centre
-_ROUNDS, _BISECTIONS = 6, 30
+_ROUNDS, _BISECTIONS, _STEPS = 8, 30, 30
+_SLOPE = 1e-5  # step of a difference quotient [-]
+_LEAST = 1e-12  # of a pole's distance from z = 1
 
 
 class Breakdown(NamedTuple):
@@ -35,46 +38,68 @@ class Breakdown(NamedTuple):
     angle: float
 
 
-def breakdown(loop: UncertainLoop, seed: int = 1) -> Breakdown | None:
+def breakdown(
+    loop: UncertainLoop, unstable: Vector | None = None, seed: int = 1
+) -> Breakdown | None:
     """Return the nearest loop that is not stable, as a search has found it, or None.
 
     Args:
         loop: over the largest box to be searched.
+        unstable: values of a loop that is not stable, where the search begins, or None.
         seed: of random starts.
     """
     m, rng = len(loop.box.centre), np.random.default_rng(seed)
     starts = corners(m)
     if len(starts) > _MOST_CORNERS:
         starts = starts[rng.choice(len(starts), _MOST_CORNERS, replace=False)]
-    starts = np.vstack((starts, rng.uniform(-1.0, 1.0, (_STARTS, m))))
+    starts = np.vstack((starts, rng.uniform(-1.0, 1.0, (_POINTS, m))))
     found, scale = None, 1.0
+    if unstable is not None:
+        found = _edge(loop, (unstable - loop.box.centre) / loop.box.radius)
+        scale = 1.0 if found is None else found.scale * (1.0 - _INWARD)
     for _ in range(_ROUNDS):
-        worst = _ascend(loop, scale, starts)
-        if worst is None:
-            break
-        edge = _edge(loop, worst)
+        edge = _ascend(loop, scale, starts)
         if edge is None:
             break
         found = edge
         scale = edge.scale * (1.0 - _INWARD)
+        worst = (edge.values - loop.box.centre) / loop.box.radius
         starts = np.vstack((worst / abs(worst).max(), starts))
     return found
 
 
-def _ascend(loop: UncertainLoop, scale: float, starts: Matrix) -> Vector | None:
-    """Return normalised coordinates with an unstable loop within a scale, or None."""
-    points = starts * scale
-    radii = np.array([_radius(loop, delta)[0] for delta in points])
-    best = np.argsort(-radii)[:_ASCENTS]
-    if radii[best[0]] > 1.0 + _ROUNDING:
-        return np.asarray(points[best[0]])
-    for start in points[best]:
-        result = minimize(
-            partial(_negative, loop), start, jac=True, method="L-BFGS-B",
-            bounds=[(-scale, scale)] * points.shape[1], options={"maxiter": 30},
-        )  # fmt: skip
-        if -result.fun > 1.0 + _ROUNDING:
-            return np.asarray(result.x)
+def growth(loop: UncertainLoop, delta: Matrix) -> Vector:
+    """Return the logarithm of the spectral radius at normalised coordinates, shape (points,)."""
+    return np.asarray(np.log(abs(loop.fit.poles(delta)).max(axis=1)))
+
+
+def least_damping(loop: UncertainLoop, delta: Matrix) -> Vector:
+    """Return the least damping ratio at normalised coordinates, shape (points,) [-]."""
+    z = loop.fit.poles(delta)
+    s = np.log(np.where(abs(z) > _LEAST, z, _LEAST))
+    return np.asarray((-s.real / np.maximum(abs(s), _LEAST)).min(axis=1))
+
+
+def _ascend(loop: UncertainLoop, scale: float, starts: Matrix) -> Breakdown | None:
+    """Return the edge of stability towards an unstable loop within a scale, or None."""
+    points, origin = starts * scale, np.zeros((1, starts.shape[1]))
+
+    def undamped(delta: Matrix) -> Vector:
+        return -least_damping(loop, delta)
+
+    for measure in (partial(growth, loop), undamped):
+        values = measure(points)
+        unit = max(abs(float(measure(origin)[0])), _LEAST)
+        for start in points[np.argsort(-values)[:_ASCENTS]]:
+            edge = _edge(loop, start)
+            if edge is None:
+                result = minimize(
+                    _negative, start, (measure, unit), jac=True, method="L-BFGS-B",
+                    bounds=[(-scale, scale)] * len(start), options={"maxiter": _STEPS},
+                )  # fmt: skip
+                edge = _edge(loop, np.asarray(result.x))
+            if edge is not None:
+                return edge
     return None
 
 
@@ -87,19 +112,15 @@ def _edge(loop: UncertainLoop, worst: Vector) -> Breakdown | None:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if loop.stable(loop.box.at(middle * worst)) else (low, middle)
     delta = high * worst
-    angle = _radius(loop, delta)[1]
+    z = loop.fit.poles(delta[None])[0]
+    angle = float(abs(np.angle(z[np.argmax(abs(z))])))
     return Breakdown(float(abs(delta).max()), loop.box.at(delta), angle)
 
 
-def _negative(loop: UncertainLoop, delta: Vector) -> tuple[float, Vector]:
-    """Return minus the spectral radius, and its slope, at normalised coordinates."""
-    h, value = 1e-5, _radius(loop, delta)[0]
-    slope = [(_radius(loop, delta + h * one)[0] - value) / h for one in np.eye(len(delta))]
-    return -value, -np.array(slope)
-
-
-def _radius(loop: UncertainLoop, delta: Vector) -> tuple[float, float]:
-    """Return the spectral radius, and the angle of its pole [rad]; hidden rigid motions count."""
-    z = np.linalg.eigvals(loop.form.at(delta)[: loop.states, : loop.states])
-    largest = z[np.argmax(abs(z))]
-    return float(abs(largest)), float(abs(np.angle(largest)))
+def _negative(
+    delta: Vector, measure: Callable[[Matrix], Vector], unit: float
+) -> tuple[float, Vector]:
+    """Return minus a measure and its slope, of its size at the centre."""
+    points = np.vstack((delta, delta + _SLOPE * np.eye(len(delta))))
+    values = -measure(points) / unit
+    return float(values[0]), np.asarray((values[1:] - values[0]) / _SLOPE)

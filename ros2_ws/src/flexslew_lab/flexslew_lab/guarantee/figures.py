@@ -1,0 +1,137 @@
+"""A worst case as figures: mu over frequency with both bounds, and the bands of the responses."""
+
+from time import thread_time
+
+import numpy as np
+
+from flexslew_lab.guarantee.certificate import GainLimit, UncertainLoop, channels_of, structure
+from flexslew_lab.guarantee.frequency_cover import peak
+from flexslew_lab.guarantee.response import grid_of, response_at, sample_points, sizes
+from flexslew_lab.guarantee.varied_loop import VariedLoop
+from flexslew_lab.guarantee.worst_case import RESPONSES, DisturbanceResponse, WorstCase
+from flexslew_lab.report.panels import Group, Panel, legend, style
+from flexslew_lab.report.sections import Section
+from flexslew_plant.arrays import Matrix, Vector
+
+_CURVE, _SECONDS = 24, 8.0  # most frequencies of the curve of mu, and its time [s]
+_RAY = 80  # points from the centre to the side of the box
+_TOP, _BOTTOM = 60.0, -120.0  # of the bands [dB]
+
+
+def worst_case_figures(found: WorstCase, varied: VariedLoop) -> list[Section]:
+    """Return the curve of mu and the bands of the responses of a certified worst case."""
+    return [_mu(found, varied), *_bands(found, varied)]
+
+
+def upper_bounds(loop: UncertainLoop, seconds: float = _SECONDS) -> Matrix:
+    """Return angles [rad] and upper bounds of mu there, shape (2, k).
+
+    Args:
+        loop: over its box.
+        seconds: after which no frequency is added; those that are done are spread evenly.
+    """
+    channels, blocks, end = channels_of(loop), structure(loop), thread_time() + seconds
+    angles = grid_of(channels.a)
+    few = angles[np.unique(np.linspace(0, len(angles) - 1, _CURVE).astype(int))]
+    done: list[tuple[float, float]] = []
+    for k in sorted(range(len(few)), key=lambda k: bin(k)[:1:-1]):  # halves, then quarters, ...
+        if thread_time() > end and done:
+            break
+        done.append((float(few[k]), peak(channels, blocks, float(few[k]), accuracy=0.05)))
+    return np.array(sorted(done)).T
+
+
+def lower_bounds(loop: UncertainLoop, scale: float) -> Matrix:
+    """Return angles [rad] and lower bounds of mu, shape (2, k): loops with a pole on the circle.
+
+    On rays from the centre to the side of the box, the first of a few points that is not stable.
+
+    Args:
+        loop: over a box about the same centre as the ranges.
+        scale: of this box, of the ranges.
+    """
+    steps, found = np.linspace(0.0, 1.0, _RAY + 1), []
+    for ray in sample_points(loop)[1:]:
+        side = ray / abs(ray).max()
+        z = loop.fit.poles(steps[:, None] * side)
+        outside = np.flatnonzero(abs(z).max(axis=1) > 1.0)
+        if outside.size:
+            first = z[outside[0]]
+            angle = abs(np.angle(first[np.argmax(abs(first))]))
+            found.append((float(angle), 1.0 / (scale * steps[outside[0]])))
+    return np.array(sorted(found)).reshape(-1, 2).T
+
+
+def _mu(found: WorstCase, varied: VariedLoop) -> Group:
+    angle, upper = upper_bounds(varied.over(found.box))
+    panel = Panel("mu over the ranges", "-", height=200)
+    panel.line(angle / found.period, upper, "upper bound", style(0))
+    w, lower = lower_bounds(varied.over(found.box.scaled(found.searched)), found.searched)
+    if found.unstable is not None:
+        w, lower = np.append(w, found.unstable.angle), np.append(lower, 1.0 / found.unstable.scale)
+    if w.size:
+        panel.line(w / found.period, lower, "lower bound", style(1), mode="markers")
+    panel.limits = (1.0,)
+    _over_frequency(panel, angle / found.period)
+    words = (
+        "Below one: every loop within the ranges is stable at this frequency. The upper bound is "
+        "that of the undivided box: where it is above one, parts of the box decide. Each lower "
+        "bound is a loop with a pole at this frequency that is not stable."
+    )
+    names = ["upper bound"] + ["lower bound"] * bool(w.size)
+    return Group("Structured singular value", words, [panel], legend(names))
+
+
+def _bands(found: WorstCase, varied: VariedLoop) -> list[Group]:
+    """Return the responses of loops in the certified part of the box, and their bounds."""
+    box = found.box.scaled(min(found.certified, 1.0))
+    loops = {pointing: varied.over(box, pointing) for pointing in (False, True)}
+    panels: list[Panel] = []
+    names: list[str] = []
+    for response in RESPONSES:
+        panel, own = _band(found, loops[response.pointing], response)
+        panels.append(panel)
+        names = max(names, own, key=len)
+    words = (
+        "Largest singular values over frequency, of loops in the certified part of the box. The "
+        "worst case is the loop with the largest peak found; the bound holds at every frequency."
+    )
+    return [Group("Worst-case bands", words, panels, legend(names))]
+
+
+def _band(
+    found: WorstCase, loop: UncertainLoop, response: DisturbanceResponse
+) -> tuple[Panel, list[str]]:
+    limit = GainLimit(1.0, response.complement)
+    points = sample_points(loop)
+    angles = grid_of(response_at(loop, points[0], limit).a)
+    curves = [sizes(response_at(loop, delta, limit), angles) for delta in points]
+    unit = "dB re 1 rad/(N m)" if response.pointing else "dB"
+    panel, w = Panel(f"{response.name} to the efforts' disturbance", unit, height=220), angles
+    w = angles / found.period
+    lines = [
+        ("centre", curves[0]),
+        ("largest found", np.max(curves, axis=0)),
+        ("smallest found", np.min(curves, axis=0)),
+    ]
+    gain = next((g for g in found.gains if g.name == response.name), None)
+    if gain is not None:
+        values = np.array([gain.values[p.name] for p in found.parameters])
+        delta = (values - loop.box.centre) / loop.box.radius
+        lines.append(("worst case", sizes(response_at(loop, delta, limit), angles)))
+        if np.isfinite(gain.bound):
+            lines.append(("none above", np.full(len(w), gain.bound)))
+    for k, (name, values) in enumerate(lines):
+        panel.line(w, _decibels(values), name, style(k))
+    panel.y_range = (_BOTTOM if response.pointing else -_TOP, _TOP)
+    _over_frequency(panel, w)
+    return panel, [name for name, _ in lines]
+
+
+def _decibels(values: Vector) -> Vector:
+    return np.asarray(20.0 * np.log10(np.maximum(values, 1e-12)))
+
+
+def _over_frequency(panel: Panel, w: Vector) -> None:
+    panel.x_title, panel.x_log = "frequency [rad/s]", True
+    panel.x_range = (float(np.log10(w[0])), float(np.log10(w[-1])))

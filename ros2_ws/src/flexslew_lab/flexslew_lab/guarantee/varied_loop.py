@@ -1,0 +1,104 @@
+"""A trial's loop on plants that differ from its own."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from scipy.linalg import matrix_balance
+
+from flexslew_control.analysis.loop import ControlLoop, loop_of
+from flexslew_lab.analysis.analysis import Analysis, is_stable
+from flexslew_lab.guarantee.box import Box
+from flexslew_lab.guarantee.certificate import UncertainLoop, uncertain_loop
+from flexslew_lab.guarantee.parameters import (
+    DEFAULT,
+    Situation,
+    Uncertain,
+    Vary,
+    box_of,
+    loop_values,
+    uncertain_parameters,
+)
+from flexslew_lab.trial.trial import Trial
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+
+
+@dataclass(frozen=True)
+class VariedLoop:
+    """A trial's controller on plants that differ.
+
+    Args:
+        situation: of the trial.
+        parameters: that differ.
+        analysis: of the loop as it is: its law stays.
+        scales: that balance the states, shape (states,).
+    """
+
+    situation: Situation
+    parameters: tuple[Uncertain, ...]
+    analysis: Analysis
+    scales: Vector
+
+    def at(self, values: Vector) -> ControlLoop:
+        """Return the loop at values of the parameters, shape (m,)."""
+        changes = loop_values(self.parameters, values)
+        return loop_of(self.situation.changed(changes).plant, self.analysis.running.form)
+
+    def matrix(self, values: Vector, pointing: bool = False) -> Matrix:
+        """Return [[A, B], [C, D]] from the efforts' disturbance, its states balanced.
+
+        Args:
+            values: of the parameters, shape (m,).
+            pointing: whether its outputs are the joint positions; else -T at the plant's input.
+        """
+        loop, m, t = self.at(values), self.analysis.loop.efforts, self.scales
+        closed, c, d = loop.closed, loop.closed.c[:m], loop.closed.d[:m, :m]
+        if pointing:
+            c, d = loop.joint_positions, np.zeros((len(loop.joint_positions), m))
+        return np.block([[closed.a * t / t[:, None], closed.b[:, :m] / t[:, None]], [c * t, d]])
+
+    def stable(self, values: Vector) -> bool:
+        """Return whether the loop is stable at values of the parameters."""
+        return is_stable(self.at(values))
+
+    def over(self, box: Box, pointing: bool = False) -> UncertainLoop:
+        """Return its linear fractional form over a box; outputs: see matrix.
+
+        Raises:
+            BadInput: if the number of states differs within the box.
+        """
+        exact = partial(self.matrix, pointing=pointing)
+        return uncertain_loop(box, len(self.scales), exact, self.stable)
+
+
+def varied_loop(trial: Trial, analysis: Analysis, vary: Vary) -> VariedLoop:
+    """Return the loop of an analysis with uncertain parameters.
+
+    Raises:
+        BadInput: see uncertain_parameters.
+    """
+    situation = situation_of(trial, analysis)
+    parameters = uncertain_parameters(situation, vary)
+    box = box_of(parameters)
+    changes = loop_values(parameters, box.centre)
+    loop = loop_of(situation.changed(changes).plant, analysis.running.form)
+    _, (scales, _) = matrix_balance(loop.closed.a, permute=False, separate=True)
+    return VariedLoop(situation, parameters, analysis, np.asarray(scales, dtype=np.float64))
+
+
+def situation_of(trial: Trial, analysis: Analysis) -> Situation:
+    """Return where the plant of an analysis is linear."""
+    point = analysis.point
+    position = point.rest.model.joint_state(point.rest.state)[0].tolist()
+    joints = dict(zip(point.rest.model.joint_names, position, strict=True))
+    return Situation(trial, trial.testbed, joints, point.rest, point.path)
+
+
+def default_vary(trial: Trial) -> Vary:
+    """Return the ranges of an analysis: stiffness, and payload where the testbed carries one."""
+    try:
+        trial.testbed.scaled(payload=1.0 + DEFAULT["payload"])
+    except BadInput:
+        return {"stiffness": DEFAULT["stiffness"]}
+    return DEFAULT
