@@ -5,13 +5,13 @@ import flexslew as fs
 flight = fs.fly(fs.trial("m1", {"testbed.modes": 5}))
 flight["tip"], flight.metrics["residual_tip_deflection"]
 
-trial, fly, read and sweep fly trials; Flight and Sweep are what comes back; laws(), planners()
-and testbeds() list what there is; bench puts a trial on a Bench that is stepped by hand. plan,
-compare, analyse, gains, identify and study are the commands of these names, prove is
-`analyse --prove`, worst_case `analyse --guarantee`. uncertain_model pulls uncertain parameters out
-of a plant. plot draws runs for a paper. save_law keeps a design of python-control for a
-trial file; minimal leaves out of a model what nothing moves or sees. A name is imported when it is
-used first.
+trial, fly, read and sweep fly trials; Flight and Sweep are what comes back; laws(), planners() and
+testbeds() list what there is; bench puts a trial on a Bench that is stepped by hand. plan, compare,
+analyse, gains, identify and study are the commands of these names, prove is `analyse --prove`,
+worst_case `analyse --guarantee`, tune `tune-structure`. uncertain_model pulls uncertain parameters
+out of a plant. plot draws runs for a paper. save_law keeps a design of python-control for a trial
+file; minimal leaves out of a model what nothing moves or sees. A name is imported when it is used
+first.
 """
 
 from importlib import import_module
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
         plot,
         prove,
         study,
+        tune,
         uncertain_model,
         worst_case,
     )
@@ -82,6 +83,7 @@ __all__ = [
     "sweep",
     "testbeds",
     "trial",
+    "tune",
     "uncertain_model",
     "worst_case",
 ]
@@ -103,6 +105,7 @@ _HOMES = {  # modules that are imported when one of their names is used first
         "plot",
         "prove",
         "study",
+        "tune",
         "uncertain_model",
         "worst_case",
     ),
