@@ -8,11 +8,17 @@ So every controller is a constant gain, and every gradient is pulled back to K i
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, schur, solve_sylvester
 
+from flexslew_control.analysis.loop import Complex
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.analysis.minimal import minimal_part
 from flexslew_plant.arrays import Matrix
+
+_LIMIT = 1e-6  # distance from the limit of stability, of one tick's or of the fastest pole
+_HIDDEN = 1e-11  # residue of a stable pole that nothing moves or sees, of the largest
+_ROUNDING = 1e-8  # response of hidden states on the limit, of the largest
+_SAME = 1e-9  # distance of a pole from itself, computed twice
 
 
 @dataclass(frozen=True)
@@ -69,13 +75,37 @@ class PerformancePlant:
             self.period,
         )
 
-    def minimal(self) -> "PerformancePlant":
-        """Return it without states that no input moves or no output sees."""
+    def reduced(self) -> "PerformancePlant":
+        """Return it without states that no input moves or no output sees.
+
+        States on the limit of stability are separated first: there a hidden state makes every norm
+        infinite. The others are left out by their residues.
+        """
+        poles = np.linalg.eigvals(self.a).astype(np.complex128)
+        inner, circle = _separated(self, _on_limit(poles, self.period))
+        size = _markov(inner)
+        if not len(circle.a) or _markov(circle) <= _ROUNDING * max(size, _markov(self)):
+            return inner.visible()
         outputs, inputs = self.d.shape
         names = tuple(map(str, range(inputs))), tuple(map(str, range(outputs)))
-        states = tuple(map(str, range(len(self.a))))
-        part = minimal_part(Lti(self.a, self.b, self.c, self.d, *names, states, self.period))
-        return replace(self, a=part.a, b=part.b, c=part.c)
+        states = tuple(map(str, range(len(circle.a))))
+        part = minimal_part(Lti(circle.a, circle.b, circle.c, 0.0 * self.d, *names, states,
+                                self.period))  # fmt: skip
+        seen = inner.visible()
+        return replace(
+            self, a=block_diag(seen.a, part.a), b=np.vstack((seen.b, part.b)),
+            c=np.hstack((seen.c, part.c)),
+        )  # fmt: skip
+
+    def visible(self) -> "PerformancePlant":
+        """Return a stable plant without the poles whose residues are zero."""
+        if not len(self.a):
+            return self
+        values, right = np.linalg.eig(self.a)
+        moved = np.linalg.norm(np.linalg.solve(right, self.b.astype(complex)), axis=1)
+        residues = moved * np.linalg.norm(self.c @ right, axis=0)
+        hidden = residues <= _HIDDEN * residues.max()
+        return _separated(self, values[hidden])[0] if hidden.any() else self
 
     def closed(self, k: Matrix) -> "ClosedLoop":
         """Return the loop with u = K y."""
@@ -88,6 +118,45 @@ class PerformancePlant:
         whole = np.block([[self.a, self.b[:, :q]], [self.c[:p], self.d[:p, :q]]])
         whole = whole + after @ k @ right
         return ClosedLoop(whole, len(self.a), self.period, left, right)
+
+
+def _on_limit(poles: Complex, period: float) -> Complex:
+    """Return the poles that are on the limit of stability, or beyond it."""
+    if period:
+        return poles[abs(poles) > 1.0 - _LIMIT]
+    return poles[poles.real > -_LIMIT * max(float(abs(poles).max(initial=0.0)), 1.0)]
+
+
+def _markov(plant: PerformancePlant) -> float:
+    """Return the largest response to a pulse over as many steps as there are states."""
+    a = plant.a if plant.period else plant.a / max(float(abs(plant.a).max(initial=0.0)), 1e-300)
+    size, state = 0.0, plant.b
+    for _ in range(len(a) + 1):
+        size = max(size, float(abs(plant.c @ state).max(initial=0.0)))
+        state = a @ state
+    return size
+
+
+def _separated(
+    plant: PerformancePlant, poles: Complex
+) -> tuple[PerformancePlant, PerformancePlant]:
+    """Return the parts of a plant without and with the poles, whose sum is the plant.
+
+    A real Schur form puts them last, and Sylvester's equation separates them.
+    """
+
+    def others(real: float, imaginary: float = 0.0) -> bool:
+        return bool(abs(poles - complex(real, imaginary)).min(initial=np.inf) > _SAME)
+
+    a, basis, n = schur(plant.a, sort=others)
+    coupling = solve_sylvester(a[:n, :n], -a[n:, n:], -a[:n, n:]) if 0 < n < len(a) else 0.0
+    b, c = basis.T @ plant.b, plant.c @ basis
+    last = c[:, n:] + (c[:, :n] @ coupling if 0 < n < len(a) else 0.0)
+    first = b[:n] - (coupling @ b[n:] if 0 < n < len(a) else 0.0)
+    return (
+        replace(plant, a=a[:n, :n], b=first, c=c[:, :n]),
+        replace(plant, a=a[n:, n:], b=b[n:], c=last),
+    )
 
 
 @dataclass(frozen=True)

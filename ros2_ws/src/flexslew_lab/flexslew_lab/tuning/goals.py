@@ -57,7 +57,7 @@ class GoalChannels:
         self, channels: PlantChannels, signals: Sequence[str], efforts: Sequence[str],
         scaling: Vector | None = None,
     ) -> PerformancePlant:  # fmt: skip
-        """Return the weighted plant of this goal.
+        """Return the plant of this goal, without its weight.
 
         Args:
             channels: of a model.
@@ -74,7 +74,14 @@ class GoalChannels:
         )
         if scaling is not None:
             scaled = _with_scaling(scaled, scaling)
-        return scaled if self.weight is None else with_weights(scaled, self.weight)
+        return scaled
+
+    def weighted(self, plant: PerformancePlant) -> PerformancePlant:
+        """Return a plant with the weight of this goal on its outputs z.
+
+        Poles of weights are near the limit of stability: a plant is reduced before.
+        """
+        return plant if self.weight is None else with_weights(plant, self.weight)
 
     def measure(self, loop: ClosedLoop) -> Measure:
         """Return the number of the goal with its gradient."""

@@ -52,9 +52,9 @@ class LawGains:
         return np.asarray(_SPREAD * rng.standard_normal(len(self.labels)))
 
     def prepared(self, plant: PerformancePlant) -> PerformancePlant:
-        """Return the minimal plant with the law in it, around the changes of its numbers."""
+        """Return the reduced plant with the law in it, around the changes of its numbers."""
         whole = plant.extended(len(self.base) - plant.controls)
-        return whole.around(self.base, self.left, self.right).minimal()
+        return whole.around(self.base, self.left, self.right).reduced()
 
     def matrix(self, x: Any) -> Any:
         """Return the changes of the numbers on a diagonal."""
@@ -96,27 +96,24 @@ def law_gains(form_of: Callable[[dict[str, Any]], Lti], keys: dict[str, Any]) ->
     base = _gain(form, reads, commands)
     factors = []
     for k, label in enumerate(labels):
-        slopes = []
-        for change in (_CHANGE, -_CHANGE):
-            other = values.copy()
-            other[k] *= 1.0 + change
-            moved = form_of(section_with(keys, other))
-            if moved.states != form.states:
-                raise BadInput("changes the number of states of the law", "structure.keys", label)
-            slopes.append((_gain(moved, reads, commands) - base) / (other[k] - values[k]))
-        size = abs(slopes[0]).max(initial=0.0)
-        if abs(slopes[0] - slopes[1]).max() > _AFFINE * size or not size:
-            words = "the law is not affine in it; `flexslew gains` varies any number by search"
-            raise BadInput(words, key="structure.keys", value=label)
-        u, s, vh = np.linalg.svd(slopes[0])
+        other = values.copy()
+        other[k] *= 1.0 + _CHANGE
+        moved = form_of(section_with(keys, other))
+        if moved.states != form.states:
+            raise BadInput("changes the number of states of the law", "structure.keys", label)
+        slope = (_gain(moved, reads, commands) - base) / (other[k] - values[k])
+        if not slope.any():
+            raise BadInput("has no effect there", key="structure.keys", value=label)
+        u, s, vh = np.linalg.svd(slope)
         rank = int(np.count_nonzero(s > _RANK * s[0]))
         factors.append((u[:, :rank] * s[:rank], vh[:rank]))
-    other_form = form_of(section_with(keys, values * (1.0 + _CHANGE)))
+    # the other way, so that a curvature shows, and together, so that a product shows
+    other_form = form_of(section_with(keys, values * (1.0 - _CHANGE)))
     together, summed = _gain(other_form, reads, commands) - base, np.zeros_like(base)
     for v, (left, right) in zip(values, factors, strict=True):
-        summed = summed + _CHANGE * v * left @ right
+        summed = summed - _CHANGE * v * left @ right
     if abs(together - summed).max() > _AFFINE * abs(together).max():
-        words = "the law is not affine in them together; give fewer of them"
+        words = "the law is not affine in them; `flexslew gains` varies any number by search"
         raise BadInput(words, key="structure.keys", value=list(keys))
     used = tuple(form.inputs[k] for k in reads), tuple(form.outputs[k] for k in commands)
     return LawGains(

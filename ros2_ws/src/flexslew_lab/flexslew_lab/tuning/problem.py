@@ -4,38 +4,26 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from hashlib import sha256
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from flexslew_control.analysis.loop_margins import best_scaling
-from flexslew_control.controllers import build_controller
-from flexslew_control.controllers.probing.running_law import running_law
-from flexslew_lab.analysis.trial_models import Point, point_of
-from flexslew_lab.gains.ensemble import gains_of
-from flexslew_lab.guarantee.parameters import Situation, uncertain_parameters
-from flexslew_lab.trial.trial import Trial, law_of, plant_of
+from flexslew_lab.analysis.trial_models import Point
+from flexslew_lab.trial.trial import Trial
 from flexslew_lab.tuning.channels import PlantChannels
 from flexslew_lab.tuning.closed_loop import ClosedLoop, PerformancePlant
 from flexslew_lab.tuning.goals import (
     GoalChannels,
-    LoopPlaces,
     StatedGoal,
-    all_channels,
-    stated_goals,
 )
-from flexslew_lab.tuning.law_gains import LawGains, law_gains
 from flexslew_lab.tuning.norms import Measure, stability
 from flexslew_lab.tuning.settings import (
-    GainBlock,
     MarginGoal,
-    StateSpaceBlock,
     TuningSettings,
 )
 from flexslew_lab.tuning.structures import (
     ControllerStructure,
-    PidSystem,
-    TridiagonalSystem,
     matrix_and_slopes,
 )
 from flexslew_plant.arrays import Matrix, Vector
@@ -144,7 +132,7 @@ class TuningProblem:
         for m, g in self.scalings:
             part, _ = self.parts[m][g][0]
             channels = list(self.models.values())[m]
-            self.parts[m][g][0] = part, _prepared(self.structure, channels, part)
+            self.parts[m][g][0] = part, prepared_plant(self.structure, channels, part)
         self.scalings.clear()
 
     def rescaled(self, x: Vector) -> bool:
@@ -165,7 +153,7 @@ class TuningProblem:
                 scaling = scaling / np.exp(np.log(scaling).mean())
                 self.scalings[m, g] = scaling
                 channels = list(self.models.values())[m]
-                goals[g][0] = part, _prepared(self.structure, channels, part, scaling)
+                goals[g][0] = part, prepared_plant(self.structure, channels, part, scaling)
                 changed = True
         return changed
 
@@ -185,102 +173,18 @@ def _response(loop: ClosedLoop, frequency: float) -> "np.typing.NDArray[np.compl
     return np.asarray(c @ np.linalg.solve(z * np.eye(len(a)) - a, b) + d)
 
 
-def _prepared(
+def prepared_plant(
     structure: ControllerStructure, channels: PlantChannels, part: GoalChannels,
     scaling: Vector | None = None,
 ) -> PerformancePlant:  # fmt: skip
+    """Return the plant of a part of a goal around which the structure's gain is.
+
+    Raises:
+        BadInput: if it has too many states.
+    """
     plant = part.plant(channels, structure.signals, structure.efforts, scaling)
-    found = structure.prepared(plant)
+    found = part.weighted(structure.prepared(plant))
     if len(found.a) > _MOST_STATES:
         words = f"the loop has {len(found.a)} states with its weights; at most {_MOST_STATES}"
         raise BadInput(f"{words}: take fewer modes or a smaller order", "structure")
-    return found
-
-
-def tuning_problem(settings: TuningSettings, trial: Trial, source: str) -> TuningProblem:
-    """Return the problem of a tuning file.
-
-    Args:
-        settings: of the file.
-        trial: that it names.
-        source: of the file, for messages.
-
-    Raises:
-        BadInput: if a name is unknown or a structure does not fit the bench; names file and key.
-    """
-    try:
-        point = point_of(trial, settings.at)
-        models = _models(settings, trial, point)
-        structure = structure_of(settings, trial, point, source)
-        first = next(iter(models.values()))
-        # the signals of the structure exist
-        first.between((), (), structure.signals, structure.efforts)
-        places = LoopPlaces(structure.efforts, _sensors(structure, first))
-        goals = stated_goals(settings.goals, places, first)
-        sources, targets = all_channels(goals)
-        stable, parts = [], []
-        for channels in models.values():
-            whole = channels.between(sources, targets, structure.signals, structure.efforts)
-            stable.append(structure.prepared(whole))
-            parts.append([[(p, _prepared(structure, channels, p)) for p in goal.parts]
-                          for goal in goals])  # fmt: skip
-    except BadInput as error:
-        raise BadInput(str(error), source) from None
-    return TuningProblem(settings, trial, point, structure, goals, models, stable, parts, {})
-
-
-def structure_of(
-    settings: TuningSettings, trial: Trial, point: Point, source: str
-) -> ControllerStructure:
-    """Return the structure of a file for a trial.
-
-    Raises:
-        BadInput: if the law has no such numbers, or is not affine in them.
-    """
-    block = settings.structure
-    if isinstance(block, StateSpaceBlock):
-        return TridiagonalSystem(block, trial.period)
-    if not isinstance(block, GainBlock):
-        return PidSystem(block, trial.period)
-    return gains_structure(trial, settings.controller, block, point, source)
-
-
-def gains_structure(
-    trial: Trial, name: str, block: GainBlock, point: Point, source: str
-) -> LawGains:
-    """Return the numbers of a trial's controller as a structure."""
-    keys = gains_of(trial, source, name, block.keys).shipped
-    law, values = law_of(name, trial.controllers[name] or {})
-    plant = plant_of(trial)
-
-    def form_of(other: dict[str, Any]) -> Any:
-        built = build_controller(name, law, {**values, **other}, plant, source)
-        return running_law(built, point.rest, plant.effort_limit).form
-
-    return law_gains(form_of, keys)
-
-
-def _sensors(structure: ControllerStructure, channels: PlantChannels) -> tuple[str, ...]:
-    """Return the sensors that a structure reads."""
-    read = []
-    for text in structure.signals:
-        for part in text.split("+"):
-            kind, _, of = part.strip().partition(".")
-            read.append(f"{kind.replace('error_rate', 'rate').replace('error', 'position')}.{of}")
-    return tuple(name for name in dict.fromkeys(read) if name in channels.sensors)
-
-
-def _models(settings: TuningSettings, trial: Trial, point: Point) -> dict[str, PlantChannels]:
-    rest = point.rest
-    position = rest.model.joint_state(rest.state)[0].tolist()
-    joints = dict(zip(rest.model.joint_names, position, strict=True))
-    situation = Situation(trial, trial.testbed, joints, rest, point.path)
-    found = {}
-    for k, changes in enumerate(settings.models):
-        if changes:  # refuses a name that is none
-            uncertain_parameters(situation, {name: (0.0, 1.0) for name in changes})
-        label = ", ".join(f"{name} {value:g}" for name, value in changes.items()) or "nominal"
-        if label in found:
-            raise BadInput("is there twice", key=f"models.{k + 1}", value=label)
-        found[label] = PlantChannels(situation.changed(changes).plant)
     return found

@@ -8,7 +8,8 @@ from typing import Any
 
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import Trial
-from flexslew_lab.tuning.problem import TuningProblem, tuning_problem
+from flexslew_lab.tuning.problem import TuningProblem
+from flexslew_lab.tuning.problem_of_file import tuning_problem
 from flexslew_lab.tuning.settings import GainBlock, TuningSettings
 from flexslew_plant.errors import BadInput
 from flexslew_plant.given_file import given_text
