@@ -41,7 +41,7 @@ def test_a_higher_order_comes_nearer_to_the_optimum_of_all_orders() -> None:
     assert not found[-1]
     optimum = found[8]
     assert optimum == pytest.approx(1.62, rel=0.01)  # also printed for HIFOO, of full order
-    values = [design_fixed_order([plant], order, starts=3).value for order in (0, 1)]
+    values = [design_fixed_order([plant], order, starts=2).value for order in (0, 1)]
     assert optimum < values[1] < values[0]
     assert values[1] < 1.08 * optimum
 
@@ -65,9 +65,8 @@ def test_full_order_reaches_the_smallest_h2_norm_of_the_riccati_equations() -> N
 def test_one_controller_serves_two_plants() -> None:
     plant = plants.he1()
     other = PerformancePlant(1.2 * plant.a, plant.b, plant.c, plant.d, 2, 1)
-    alone = design_fixed_order([plant], starts=2)
     both = design_fixed_order([plant, other], starts=2)
-    assert both.value >= alone.value * (1.0 - 1e-6)
+    assert both.value > 0.99 * 0.154  # the norm of HIFOO for one of them alone
     for one in (plant, other):
         loop = one.closed(both.matrix)
         assert stability(loop).value < 0.0

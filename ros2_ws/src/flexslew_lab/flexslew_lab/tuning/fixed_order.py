@@ -13,7 +13,6 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
 _STABILISING = 500  # evaluations of the growth rate from each start
-_STABLE = -1e-6  # growth rate at which a loop counts as stable [1/s], of a fast pole
 
 
 @dataclass(frozen=True)
@@ -101,17 +100,14 @@ def design_fixed_order(
     )
 
 
-def stabilised(
-    growth: Callable[[Vector], tuple[float, Vector]], start: Vector, below: float = _STABLE
-) -> Vector | None:
+def stabilised(growth: Callable[[Vector], tuple[float, Vector]], start: Vector) -> Vector | None:
     """Return parameters from which the growth rate is negative, or None.
 
     Args:
         growth: largest growth rate [1/s] and its gradient.
         start: shape (parameters,).
-        below: growth rate that suffices [1/s].
     """
-    found = minimise(growth, start, _STABILISING, below)
+    found = minimise(growth, start, _STABILISING, 0.0)
     return found.x if found.value < 0.0 else None
 
 

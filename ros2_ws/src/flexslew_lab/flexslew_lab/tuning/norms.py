@@ -16,6 +16,7 @@ from flexslew_lab.tuning.closed_loop import ClosedLoop
 from flexslew_plant.arrays import Matrix
 
 _TOLERANCE = 1e-9  # of the norm
+_LIMIT = 1e-7  # distance of a stable pole from the limit of stability, per tick
 
 
 class Measure(NamedTuple):
@@ -36,7 +37,19 @@ Norm = Callable[[ClosedLoop], Measure]
 
 
 def stability(loop: ClosedLoop) -> Measure:
-    """Return the largest growth rate of the poles [1/s]: Re s, or ln |z| / T; below 0: stable."""
+    """Return the largest growth rate of the poles [1/s]; below 0: stable.
+
+    Re s, or ln |z| / T, and what rounding may hide of it: a double integrator that nothing holds
+    has poles at 1 +- 1e-8.
+    """
+    found = _slowest(loop)
+    if not loop.states:
+        return found
+    size = 1.0 / loop.period if loop.period else float(abs(loop.parts[0]).max())
+    return found._replace(value=found.value + _LIMIT * size)
+
+
+def _slowest(loop: ClosedLoop) -> Measure:
     n, gradient = loop.states, np.zeros_like(loop.matrix)
     if not n:
         return Measure(-np.inf, gradient, np.nan)
@@ -49,8 +62,8 @@ def stability(loop: ClosedLoop) -> Measure:
 
 def decay(loop: ClosedLoop) -> Measure:
     """Return the inverse of the slowest decay rate [s]; inf: not stable."""
-    slowest = stability(loop)
-    if slowest.value >= 0.0:
+    slowest = _slowest(loop)
+    if stability(loop).value >= 0.0:
         return _unstable(loop, slowest.frequency)
     return Measure(-1.0 / slowest.value, slowest.gradient / slowest.value**2, slowest.frequency)
 
