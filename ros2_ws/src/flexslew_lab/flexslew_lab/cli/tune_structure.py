@@ -74,8 +74,8 @@ def tune_structure(
         sections = worst_case_sections(found)
     page = write_page(tuning_page(tuned, sections), folder / "report.html")
     report: dict[str, Any] = {} if found is None else {"guarantee": found.plain()}
-    (folder / "tuned.json").write_text(json_text({**tuned.plain(), **report}), encoding="utf-8")
     flown = _fly(tuned, folder, report) if after.fly else True
+    (folder / "tuned.json").write_text(json_text({**tuned.plain(), **report}), encoding="utf-8")
     if as_json:
         print(json_text({**tuned.plain(), **report}))
     else:
