@@ -213,3 +213,76 @@ def test_a_shipped_tuning_is_read(name: str) -> None:
     problem = read_tuning(name)
     assert problem.settings.tuning == name
     assert len(problem.structure.labels) == len(problem.structure.start)
+
+
+M1_PID: dict[str, Any] = {
+    "tuning": "m1_pid", "trial": "m1", "controller": "notched",
+    "structure": {
+        "kind": "pid",
+        "loops": {
+            "effort.base_yaw": {"input": "error.base_yaw", "kp": 460.0, "kd": 920.0,
+                                "filter": 0.02, "notches": [{"frequency": 6.0}]},
+            "effort.hub_pitch": {"input": "error.hub_pitch", "kp": 460.0, "kd": 920.0,
+                                 "filter": 0.02},
+        },
+    },
+    "goals": [
+        {"goal": "margin", "disk": 0.4},
+        {"goal": "bandwidth", "frequency": 0.05},
+        {"goal": "roll_off", "frequency": 20.0, "at": "sensors"},
+        {"goal": "tracking", "joints": ["base_yaw"], "time": 20.0, "steady": 0.1},
+        {"goal": "poles", "damping": 0.001},
+    ],
+    "starts": 1, "evaluations": 60,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def m1_pid() -> TunedController:
+    return fs.tune(M1_PID)
+
+
+def test_weighted_goals_bound_the_responses_of_the_bench_s_loop(m1_pid: TunedController) -> None:
+    """Of S and T with all efforts or sensors open at once, from the loop of the running law."""
+    loop = next(iter(bench_loops(m1_pid.problem, m1_pid.trial).values()))
+    w = np.geomspace(1e-3, 100.0, 3000)
+    response = loop.response(w)
+    numbers = {goal.label.split(" ")[0]: goal.value for goal in m1_pid.goals}
+
+    def sensitivity(names: tuple[str, ...]) -> Any:
+        return np.linalg.inv(np.eye(len(names)) + loop.loop_gain(names, response))
+
+    def sizes(matrices: Any) -> Any:
+        return np.linalg.norm(matrices, 2, axis=(1, 2))
+
+    s = sizes(sensitivity(loop.effort_names))
+    slow = w < 0.05
+    assert (s <= numbers["bandwidth"] * np.sqrt((w / 0.05) ** 2 + 1e-6) * 1.01)[slow].all()
+    sensors = tuple(n for n in loop.sensor_names if n.startswith("position"))
+    t = sizes(np.eye(len(sensors)) - sensitivity(sensors))
+    fast = w > 20.0
+    assert (t <= numbers["roll-off"] * 20.0 / w * np.sqrt(1.0 + (0.005 * w) ** 2) * 1.01)[
+        fast
+    ].all()
+    closed = loop.closed
+    columns = [closed.inputs.index(f"reference.{joint}") for joint in loop.joint_names]
+    row = closed.rows(["position.base_yaw"]).at(np.exp(1j * w * closed.period))
+    error = abs(1.0 - row[:, 0, columns[loop.joint_names.index("base_yaw")]])
+    bound = abs((1.5j * w + 0.1 * 0.1) / (1j * w + 0.1))
+    assert (error <= numbers["tracking"] * bound * 1.01).all()
+    damping = min(pole.damping for pole in m1_pid.analysis.poles)
+    assert numbers["poles"] == pytest.approx(0.001 / damping, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_the_shipped_tuning_of_order_3_is_guaranteed_over_the_range_of_its_benchmark() -> None:
+    tuned = fs.tune("acc_order_3")
+    assert tuned.met
+    assert len(tuned.section["system"]["a"]) == 3
+    assert fs.worst_case(tuned.trial, {STIFFNESS: [0.5, 2.0]}, "order_3", at=0.0).guaranteed
+
+
+def test_a_problem_that_is_too_large_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("flexslew_lab.tuning.problem._MOST_STATES", 5)
+    with pytest.raises(BadInput, match=r"structure: the loop has \d+ states with its weights; at"):
+        read_tuning(ACC)
