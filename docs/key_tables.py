@@ -28,7 +28,7 @@ from flexslew_plant.yaml_data import yaml_text
 DOCS = Path(__file__).parent
 NAMES = (
     *("trial", "spacecraft", "start_in_motion", "external_plant"),
-    "external_controller",
+    *("external_controller", "tuning"),
     *("studies/keys", "benchmark/rules", "faults/kinds", "ros2/events"),
 )
 PAGES = (

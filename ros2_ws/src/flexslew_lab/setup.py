@@ -17,6 +17,7 @@ setup(
             "report/*.j2",
             "studies/*.j2",
             "studies/shipped/*.yaml",
+            "tuning/shipped/*.yaml",
             "trials/*.yaml",
         ],
     },

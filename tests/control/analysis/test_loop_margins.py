@@ -16,8 +16,8 @@ from flexslew_control.analysis.loop import ControlLoop, loop_of, visible_poles
 from flexslew_control.analysis.loop_margins import (
     ChannelMargins,
     LoopFrequencyResponse,
-    _best_scaling,
     _scaled,
+    best_scaling,
     channel_margins,
     disk_margins,
     frequency_response,
@@ -121,7 +121,7 @@ def test_the_bound_of_mu_is_slicot_s() -> None:
         for one, osborne in zip(m, mu_bounds(m), strict=True):
             ones = np.ones(size, dtype=np.int32)
             bound = ctrlsys.ab13md(np.asfortranarray(one), ones, 2 * ones)[0]
-            value = _scaled(one, _best_scaling(one))
+            value = _scaled(one, best_scaling(one))
             # ours minimises a norm that is within log(size) / 2000 of the bound, theirs iterates
             assert value == pytest.approx(bound, rel=1e-3)
             assert bound * (1.0 - 1e-6) <= value <= osborne * (1.0 + 1e-6)

@@ -15,6 +15,7 @@ from flexslew_lab.benchmark.task_settings import TaskSettings
 from flexslew_lab.studies.study_settings import StudySettings
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import Trial, parse_trial
+from flexslew_lab.tuning.settings import TuningSettings
 from flexslew_plant.keys.settings_fields import describe_section
 
 DOCS = Path(__file__).parents[3] / "docs"
@@ -41,6 +42,7 @@ KINDS = (
     Trial,
     StudySettings,
     TaskSettings,
+    TuningSettings,
     CommonSettings,
     *(e.settings for e in CONTROLLERS.values()),
 )
@@ -70,7 +72,7 @@ def test_every_section_has_its_table() -> None:
 
 @pytest.mark.parametrize("kind", SECTIONS, ids=lambda kind: kind.__name__)
 def test_every_key_is_described_in_its_field(kind: type[Any]) -> None:
-    fixed = ("kind", "method")  # select the section
+    fixed = ("kind", "method", "goal")  # select the section
     meanings = describe_section(kind)
     bare = [f.name for f in fields(kind) if f.repr and not meanings[f.name].description]
     assert not set(bare) - set(fixed)

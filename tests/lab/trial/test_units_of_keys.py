@@ -8,6 +8,7 @@ import pytest
 
 from flexslew_control.controllers import CONTROLLERS, CommonSettings
 from flexslew_lab.trial.trial import Trial
+from flexslew_lab.tuning.settings import TuningSettings
 from flexslew_plant.keys.settings_fields import describe_section
 from flexslew_plant.keys.units import ABOVE, in_si, units_in
 
@@ -28,7 +29,12 @@ def sections(kind: Any, seen: set[type[Any]]) -> Iterator[type[Any]]:
 
 def keys() -> Iterator[tuple[str, str]]:
     seen: set[type[Any]] = set()
-    for kind in (Trial, CommonSettings, *(entry.settings for entry in CONTROLLERS.values())):
+    for kind in (
+        Trial,
+        TuningSettings,
+        CommonSettings,
+        *(entry.settings for entry in CONTROLLERS.values()),
+    ):
         for section in sections(kind, seen):
             for name, description in describe_section(section).items():
                 yield f"{section.__name__}.{name}", description.words

@@ -8,10 +8,10 @@ flight["tip"], flight.metrics["residual_tip_deflection"]
 trial, fly, read and sweep fly trials; Flight and Sweep are what comes back; laws(), planners()
 and testbeds() list what there is; bench puts a trial on a Bench that is stepped by hand. plan,
 compare, analyse, budget, gains, identify and study are the commands of these names, prove is
-`analyse --prove`, prove_budget `budget --prove`, worst_case `analyse --guarantee`. uncertain_model
-pulls uncertain parameters out of a plant. plot draws runs for a paper. save_law keeps a design of
-python-control for a trial file; minimal leaves out of a model what nothing moves or sees. A name
-is imported when it is used first.
+`analyse --prove`, prove_budget `budget --prove`, worst_case `analyse --guarantee`, tune
+`tune-structure`. uncertain_model pulls uncertain parameters out of a plant. plot draws runs for a
+paper. save_law keeps a design of python-control for a trial file; minimal leaves out of a model
+what nothing moves or sees. A name is imported when it is used first.
 """
 
 from importlib import import_module
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         prove,
         prove_budget,
         study,
+        tune,
         uncertain_model,
         worst_case,
     )
@@ -86,6 +87,7 @@ __all__ = [
     "sweep",
     "testbeds",
     "trial",
+    "tune",
     "uncertain_model",
     "worst_case",
 ]
@@ -109,6 +111,7 @@ _HOMES = {  # modules that are imported when one of their names is used first
         "prove",
         "prove_budget",
         "study",
+        "tune",
         "uncertain_model",
         "worst_case",
     ),

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from flexslew_lab.guarantee.worst_case import WorstCase
     from flexslew_lab.identification.identification import Experiment, Identification
     from flexslew_lab.studies.study import Study
+    from flexslew_lab.tuning.tuned import TunedController
 
 
 def bench(what: What = "m1") -> Bench:
@@ -248,6 +249,37 @@ def gains(
         return search_gains(
             ensemble, selected_gains, count, octaves, margin, seed=seed, progress=update
         )
+
+
+def tune(
+    what: str | Path | Mapping[str, Any],
+    base: What | None = None,
+    state: Path | str | None = None,
+) -> TunedController:
+    """Return the best controller of a given structure against goals on several models.
+
+    Its `trial` flies it, `goals` are met or not, `analysis` analyses its loop.
+
+    Args:
+        what: a tuning file, the name of a shipped one, or its keys.
+        base: trial that is tuned, as from `trial`; None: the one that the tuning names.
+        state: file that keeps every start as it ends, and from which the tuning goes on; None:
+            nothing is kept.
+
+    Raises:
+        BadInput: if there is no such tuning, a value is not allowed, or no start leads to a stable
+            loop.
+        ModuleNotFoundError: if ctrlsys is not installed.
+    """
+    required("ctrlsys")
+    from flexslew_lab.tuning.tuned import tune_structure
+    from flexslew_lab.tuning.tuning_file import read_tuning
+
+    keys = plain_data(dict(what)) if isinstance(what, Mapping) else what
+    problem = read_tuning(keys, None if base is None else trial_from(base))
+    kept = None if state is None else place(state, "state")
+    with display_library_progress(problem.settings.tuning, "evaluations", "tuning") as update:
+        return tune_structure(problem, kept, update)
 
 
 def compare(what: What = "m1", laws: bool = False, workers: int = 1) -> Comparison:

@@ -228,7 +228,7 @@ def disk_margins(sweep: LoopFrequencyResponse, names: tuple[str, ...]) -> DiskMa
     refined = np.zeros(len(mu), dtype=bool)
     while not refined[peak := int(np.argmax(mu))]:
         # the best scaling of one frequency is a good one at the neighbouring frequencies
-        d = _best_scaling(m[peak])
+        d = best_scaling(m[peak])
         mu[peak], refined[peak] = min(mu[peak], _scaled(m[peak], d)), True
         above = mu > mu[peak]
         mu[above] = np.minimum(mu[above], _scaled(m[above], d))
@@ -278,7 +278,7 @@ def _scaled(m: Complex, d: Matrix | Vector) -> Vector:
     return np.asarray(np.linalg.norm(scaled, 2, axis=(-2, -1)), dtype=np.float64)
 
 
-def _best_scaling(m: Complex) -> Vector:
+def best_scaling(m: Complex) -> Vector:
     """Return the D of the least upper bound of mu, shape of m (k, k).
 
     The logarithm of the bound is convex in log D, but has edges where singular values are equal, as

@@ -1,4 +1,4 @@
 """Pointing budgets: performance errors by error source, from the linear loop of a trial.
 
-Offers: page, parts, pointing_budget, prove, requirements, tables.
+Offers: budget, page, parts, pointing_budget, prove, requirements, tables.
 """

@@ -54,6 +54,7 @@ from flexslew_lab.cli.terminal import (
     print_table,
     print_verdict,
 )
+from flexslew_lab.cli.tune_structure import tune_structure
 from flexslew_lab.json_text import json_text
 from flexslew_lab.progress import CompileReport, display_progress
 from flexslew_lab.reproduce import REPRODUCTIONS
@@ -352,7 +353,16 @@ _GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "Look at runs": (report, compare, figure, archive),
     "Operate a running bench": (*COMMANDS, live),
     "Logs and replay": (resim, check, play, recover),
-    "Analyse and identify": (analyse, budget, gains, model, export, identify, reproduce),
+    "Analyse and identify": (
+        analyse,
+        budget,
+        gains,
+        tune_structure,
+        model,
+        export,
+        identify,
+        reproduce,
+    ),
     "The bench itself": (bench, extras, completion),
 }
 for _group, _commands in _GROUPS.items():

@@ -11,7 +11,7 @@ import numpy as np
 from flexslew_control.analysis.linear_plant import sampled_plant
 from flexslew_control.analysis.loop import loop_of
 from flexslew_control.analysis.loop_margins import disk_margins, frequency_response
-from flexslew_control.controllers import CONTROLLERS, build_controller
+from flexslew_control.controllers import CONTROLLERS, build_controller, law_values
 from flexslew_control.controllers.probing.running_law import running_law
 from flexslew_lab.analysis.analysis import is_stable
 from flexslew_lab.analysis.trial_models import Point, point_of
@@ -85,7 +85,7 @@ def gains_of(trial: Trial, source: str, controller: str | None, keys: Sequence[s
     law, settings = law_of(name, trial.controllers[name] or {})
     if law not in CONTROLLERS:
         raise BadInput(f"{source}: --controller: {name} is no built-in law; allowed: those of docs")
-    section = plain(CONTROLLERS[law].settings(**{k: v for k, v in settings.items() if k != "law"}))
+    section = plain(CONTROLLERS[law].settings(**law_values(settings)))
     positive = [key for key, value in section.items() if _positive(value)]
     requested = tuple(keys) or CONTROLLERS[law].batch_gains
     if not requested or not set(requested) <= set(positive):
