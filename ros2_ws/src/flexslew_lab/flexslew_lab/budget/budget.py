@@ -149,7 +149,9 @@ class Budget:
             f"{metric} {short(float(bound.value.max()), 3)}" if bound.value.size else metric
             for metric, bound in self.total.bounds.items()
         )
-        level = f"{100.0 * self.request.level:g} %, {self.request.interpretation}: {words}"
+        units = set(self.axes.units)
+        unit = f" [{units.pop()}]" if len(units) == 1 else ""
+        level = f"{100.0 * self.request.level:g} %, {self.request.interpretation}{unit}: {words}"
         if missed := [one.requirement for one in self.margins if not one.met]:
             level += f"; NOT met: {', '.join(missed)}"
         elif self.margins and not self.without:

@@ -65,20 +65,28 @@ def lower_bounds(loop: UncertainLoop, scale: float) -> Matrix:
 def _mu(found: WorstCase, varied: VariedLoop) -> Group:
     angle, upper = upper_bounds(varied.over(found.box))
     panel = Panel("mu over the ranges", "-", height=200)
-    panel.line(angle / found.period, upper, "upper bound", style(0))
+    panel.line(angle / found.period, upper, "upper bound at this frequency", style(0))
+    names = ["upper bound at this frequency"]
     w, lower = lower_bounds(varied.over(found.box.scaled(found.searched)), found.searched)
     if found.unstable is not None:
         w, lower = np.append(w, found.unstable.angle), np.append(lower, 1.0 / found.unstable.scale)
     if w.size:
         panel.line(w / found.period, lower, "lower bound", style(1), mode="markers")
+        names.append("lower bound")
+    if found.certified > 0.0:
+        everywhere = np.full(angle.size, 1.0 / found.certified)
+        panel.line(angle / found.period, everywhere, "upper bound at all frequencies", style(2))
+        names.append("upper bound at all frequencies")
     panel.limits = (1.0,)
     _over_frequency(panel, angle / found.period)
     words = (
-        "Below one: every loop within the ranges is stable at this frequency. The upper bound is "
-        "that of the undivided box: where it is above one, parts of the box decide. Each lower "
-        "bound is a loop with a pole at this frequency that is not stable."
+        "Below one: every loop within the ranges is stable at this frequency. Mu of real "
+        "parameters jumps where a loop has a pole on the circle, also between the frequencies of "
+        "the curve; "
+        "the line of all frequencies bounds it there. The curve is of the undivided box: where it "
+        "is above the line, parts of the box decide. Each lower bound is a loop with a pole at "
+        "this frequency that is not stable."
     )
-    names = ["upper bound"] + ["lower bound"] * bool(w.size)
     return Group("Structured singular value", words, [panel], legend(names))
 
 
