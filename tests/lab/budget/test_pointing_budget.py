@@ -88,7 +88,8 @@ def test_what_is_simplified_is_listed() -> None:
 def test_the_verdict_in_the_docs_is_that_of_the_command() -> None:
     """docs/budget.md, to a few percent: a plan depends on the machine in its last digits."""
     page = (Path(__file__).parents[3] / "docs/budget.md").read_text()
-    printed = re.findall(r"([A-Z]{3}) ([0-9.]+e-\d+)", page.partition("mixed: ")[2].splitlines()[0])
+    line = page.partition("mixed [rad]: ")[2].splitlines()[0]
+    printed = re.findall(r"([A-Z]{3}) ([0-9.]+e-\d+)", line)
     changes = {"sensors.joint_position.noise": "5 arcsec", "sensors.joint_velocity.bias": 1e-6}
     total = fs.budget(fs.trial("three_axes", changes)).total.bounds
     assert [metric for metric, _ in printed] == list(total)
