@@ -84,6 +84,19 @@ def test_the_gain_margin_of_a_law_with_instruments_is_that_of_the_flight(
     assert growth(tracker, 1.1 * up) > 2.0
 
 
+def test_a_law_with_instruments_has_its_margins_in_every_attitude() -> None:
+    """Its positions are about the reference, of which the instruments read the true attitude."""
+    law = {"attitude": {}, "kp": [4.0, 3.0, 6.0], "kd": [24.0, 30.0, 20.0]}
+    what, found = craft({"delay": 0.2}, law), []
+    for turn in ((0.0, 0.0, 0.0), (0.5, -0.3, 1.0), (0.0, 0.0, 2.5)):
+        result = loop_analysis(what, "here", joints=dict(zip(AXES, turn, strict=True)))
+        disks = [disk.alpha for disk in result.disks.values()]
+        found.append([(m.gain_up, m.phase, m.delay) for m in result.efforts] + [tuple(disks)])
+    for other in found[1:]:
+        for numbers, first in zip(other, found[0], strict=True):
+            assert numbers == pytest.approx(first, rel=1e-6)
+
+
 @pytest.mark.slow
 def test_slow_corrections_leave_the_margins_of_gyro_and_joints() -> None:
     """Corrections within minutes do not act at a crossover of seconds."""
