@@ -57,3 +57,18 @@ def test_the_shipped_tuning_of_order_3_is_guaranteed_over_the_range_of_its_bench
     assert tuned.met
     assert len(tuned.section["system"]["a"]) == 3
     assert fs.worst_case(tuned.trial, {STIFFNESS: [0.5, 2.0]}, "order_3", at=0.0).guaranteed
+
+
+@pytest.mark.slow
+def test_the_shipped_tuning_of_the_observatory_is_that_of_its_tutorial() -> None:
+    """The numbers of docs/requirements_to_controller.md."""
+    tuned = fs.tune("observatory_pointing")
+    assert tuned.met
+    assert 1.0 / tuned.goals[0].before == pytest.approx(1.08, abs=0.005)
+    assert min(tuned.margins.values()) == pytest.approx(1.38, abs=0.005)
+    for goal, before, after in zip(tuned.goals[1:4], (0.98, 0.89, 0.79), (1.0,) * 3, strict=True):
+        assert (goal.before, goal.value) == pytest.approx((before, after), abs=0.005)
+    found = fs.worst_case(tuned.trial, {"gain": 0.3}, "pointing", at=0.0)
+    assert found.guaranteed
+    peaks = {gain.name: gain.found for gain in found.gains}
+    assert (peaks["S"], peaks["T"]) == pytest.approx((2.60, 2.68), abs=0.01)
