@@ -13,11 +13,14 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.yaml_data import yaml_text
 
 AXES = ("roll", "pitch", "yaw")
+SMALL, TURNED = (1e-4, -1e-4, 0.0), (0.5, -0.3, 1.0)  # attitudes [rad]
 GYRO = {"kind": "gyro", "angle_random_walk": 1e-6, "rate_random_walk": 1e-7}
 TRACKER = {"kind": "star_tracker", "across": 1e-5, "about": 1e-5}
 
 
-def craft(tracker: dict[str, Any], law: dict[str, Any], **more: Any) -> Trial:
+def craft(
+    tracker: dict[str, Any], law: dict[str, Any], turn: tuple[float, ...] = SMALL, **more: Any
+) -> Trial:
     """Return a rigid craft with three torque drives, a gyro and a star tracker."""
     drives = {
         name: {"kind": "torque", "direction": row, "limit": 1e4}
@@ -32,7 +35,7 @@ def craft(tracker: dict[str, Any], law: dict[str, Any], **more: Any) -> Trial:
             "platform": body,
             "actuators": drives,
             "sensors": {"gyro": GYRO, "tracker": {**TRACKER, **tracker}},
-            "initial": {"roll": 1e-4, "pitch": -1e-4},
+            "initial": dict(zip(AXES, turn, strict=True)),
         },
         "controllers": {"pd_feedforward": {"kp": [4.0], "kd": [24.0], **law}},
         "allow_faults": True,
@@ -58,30 +61,46 @@ class Errors:
     def event(self, event: Any) -> None: ...
 
 
-def growth(tracker: dict[str, Any], gain: float) -> float:
+def growth(tracker: dict[str, Any], gain: float, turn: tuple[float, ...] = SMALL) -> float:
     """Return by what factor rates grow from the first third of a flight to the last."""
     faults = [
         {"at": 0.0, "fault": {"kind": "actuator_gain", "joint": name, "gain": gain}}
         for name in AXES
     ]
     seen = Errors()
-    run_bench(*set_up(craft(tracker, {"attitude": {}}, schedule=faults), "here"), seen)
+    run_bench(*set_up(craft(tracker, {"attitude": {}}, turn, schedule=faults), "here"), seen)
     sizes = np.array(seen.sizes)
     third = len(sizes) // 3
     return float(sizes[-third:].max() / sizes[:third].max())
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tracker", [{}, {"delay": 0.3, "interval": 0.5, "rate_noise": 1e-3}])
+@pytest.mark.parametrize(
+    ("tracker", "turn"),
+    [({}, SMALL), ({"delay": 0.3, "interval": 0.5, "rate_noise": 1e-3}, SMALL), ({}, TURNED)],
+)
 def test_the_gain_margin_of_a_law_with_instruments_is_that_of_the_flight(
-    tracker: dict[str, Any],
+    tracker: dict[str, Any], turn: tuple[float, ...]
 ) -> None:
     found = of(craft(tracker, {"attitude": {}}))
     assert found.stable
     up = min(margins.gain_up for margins in found.efforts)
     assert 1.0 < up < of(craft({}, {})).efforts[0].gain_up  # the mean of a tick is half a tick late
-    assert growth(tracker, 0.9 * up) < 1.0  # it settles to what noise excites at this gain
-    assert growth(tracker, 1.1 * up) > 2.0
+    assert growth(tracker, 0.9 * up, turn) < 1.0  # it settles to what noise excites at this gain
+    assert growth(tracker, 1.1 * up, turn) > 2.0
+
+
+def test_a_law_with_instruments_has_its_margins_in_every_attitude() -> None:
+    """Its positions are about the reference, of which the instruments read the true attitude."""
+    law = {"attitude": {}, "kp": [4.0, 3.0, 6.0], "kd": [24.0, 30.0, 20.0]}
+    what, found = craft({"delay": 0.2}, law), []
+    for turn in ((0.0, 0.0, 0.0), TURNED, (0.0, 0.0, 2.5)):
+        result = loop_analysis(what, "here", joints=dict(zip(AXES, turn, strict=True)))
+        disks = [disk.alpha for disk in result.disks.values()]
+        found.append([(m.gain_up, m.phase, m.delay) for m in result.efforts] + [tuple(disks)])
+    for other in found[1:]:
+        for numbers, first in zip(other, found[0], strict=True):
+            assert numbers == pytest.approx(first, rel=1e-6)
 
 
 @pytest.mark.slow

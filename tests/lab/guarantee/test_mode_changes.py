@@ -6,8 +6,7 @@ import pytest
 from flexslew_lab.analysis.analysis import Analysis, loop_analysis
 from flexslew_lab.guarantee.bounds import worst_case_of
 from flexslew_lab.guarantee.flight import guarantee_of
-from flexslew_lab.guarantee.parameters import Situation, Vary
-from flexslew_lab.guarantee.varied_loop import situation_of
+from flexslew_lab.guarantee.parameters import Situation, Vary, situation_at
 from flexslew_lab.notebook import trial
 from flexslew_plant.errors import BadInput
 
@@ -21,7 +20,7 @@ def benchmark() -> Analysis:
 
 @pytest.fixture(scope="module")
 def situation(benchmark: Analysis) -> Situation:
-    return situation_of(trial("acc_benchmark"), benchmark)
+    return situation_at(trial("acc_benchmark"), benchmark.point)
 
 
 @pytest.mark.parametrize("stiffness", [0.6, 1.0, 1.7])

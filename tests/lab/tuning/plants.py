@@ -1,7 +1,8 @@
 """Small plants of COMPleib 1.1 (F. Leibfritz, 2005), typed as facts from its file COMPleib.m.
 
-HIFOO's H-infinity norms on them with static output feedback are in Gumussoy and Overton,
-Fixed-order H-infinity controller design via HIFOO (arXiv 2003.02295).
+The H-infinity norms that are cited for HIFOO on them, with static output feedback, are those of
+Gumussoy and Overton, Fixed-order H-infinity controller design via HIFOO (arXiv 2003.02295); its
+tables were not compared.
 """
 
 import numpy as np

@@ -15,7 +15,7 @@ ctrlsys = pytest.importorskip("ctrlsys")
 
 @pytest.mark.parametrize(
     ("plant", "published"),
-    [(plants.ac8(), 2.005), (plants.he1(), 0.154), (plants.rea2(), 1.149)],
+    [(plants.ac8(), 2.005), (plants.he1(), 0.1538), (plants.rea2(), 1.149)],
     ids=["AC8", "HE1", "REA2"],
 )
 def test_static_output_feedback_reaches_the_norm_of_hifoo(
@@ -66,7 +66,7 @@ def test_one_controller_serves_two_plants() -> None:
     plant = plants.he1()
     other = PerformancePlant(1.2 * plant.a, plant.b, plant.c, plant.d, 2, 1)
     both = design_fixed_order([plant, other], starts=2)
-    assert both.value > 0.99 * 0.154  # the norm of HIFOO for one of them alone
+    assert both.value > 0.99 * 0.1538  # the norm of HIFOO for one of them alone
     for one in (plant, other):
         loop = one.closed(both.matrix)
         assert stability(loop).value < 0.0

@@ -65,17 +65,28 @@ class Lti:
 
     def at(self, z: "np.typing.NDArray[np.complex128]") -> "np.typing.NDArray[np.complex128]":
         """Return C (z - A)^-1 B + D at each z, shape (len(z), l, m)."""
-        n, count = len(self.a), len(z)
-        out = np.broadcast_to(self.d, (count, *self.d.shape)).astype(np.complex128)
-        step = max(1, 2_000_000 // max(n * n, 1))
-        for first in range(0, count, step):
-            part = slice(first, first + step)
-            # A - 1 first: near z = 1 it keeps the digits that z - A would lose
-            pencil = (z[part, None, None] - 1.0) * np.eye(n) - (self.a - np.eye(n))
-            out[part] += self.c @ np.linalg.solve(
-                pencil, np.broadcast_to(self.b, (len(pencil), *self.b.shape))
-            )
-        return out
+        return transfer((self.a, self.b, self.c, self.d), z)
+
+
+def transfer(
+    system: tuple[Matrix, Matrix, Matrix, Matrix], z: "np.typing.NDArray[np.complex128]"
+) -> "np.typing.NDArray[np.complex128]":
+    """Return C (z - A)^-1 B + D at each z, shape (len(z), l, m).
+
+    Args:
+        system: A, B, C and D.
+        z: shape (k,); s of a continuous system.
+    """
+    a, b, c, d = system
+    n, count = len(a), len(z)
+    out = np.broadcast_to(d, (count, *d.shape)).astype(np.complex128)
+    step = max(1, 2_000_000 // max(n * n, 1))
+    for first in range(0, count, step):
+        part = slice(first, first + step)
+        # A - 1 first: near z = 1 it keeps the digits that z - A would lose
+        pencil = (z[part, None, None] - 1.0) * np.eye(n) - (a - np.eye(n))
+        out[part] += c @ np.linalg.solve(pencil, np.broadcast_to(b, (len(pencil), *b.shape)))
+    return out
 
 
 def series(first: Lti, then: Lti) -> Lti:

@@ -34,6 +34,12 @@ class Rest:
         """[q, v] with v = 0."""
         return np.concatenate((self.q, np.zeros(self.model.coordinates)))
 
+    @property
+    def joints(self) -> dict[str, float]:
+        """Joint positions by name [rad or m]."""
+        position = self.model.joint_state(self.state)[0].tolist()
+        return dict(zip(self.model.joint_names, position, strict=True))
+
 
 def rest_of(
     testbed: Testbed, joints: Mapping[str, float | str] | None = None, time: float = 0.0

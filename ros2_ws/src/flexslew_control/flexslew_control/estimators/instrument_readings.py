@@ -18,7 +18,7 @@ from flexslew_control.estimators.attitude_steps import BIAS, MODES
 from flexslew_control.estimators.attitude_tick import LEAST
 from flexslew_control.estimators.later_covariance import later_covariance
 from flexslew_control.law import Estimate, Reference
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.instruments import StarTracker
@@ -39,11 +39,14 @@ _LEAST_RATE = 1e-6  # least share of ticks with a reading [-]
 class InstrumentSimulator:
     """An attitude estimator that receives positions, which its instruments turn into readings.
 
+    The positions are about the reference, as a controller passes them; see AttitudeJoints.about.
+
     Args:
         inner: the estimator; its star trackers read every tick.
     """
 
     inner: AttitudeEstimator
+    _reference: Vector = field(init=False, default_factory=lambda: EMPTY)
     _history: deque[Vector] = field(init=False, default_factory=deque)  # the newest last
     _tick: int = field(init=False, default=-1)
     _first: int = field(init=False, default=0)  # tick of the reset
@@ -52,11 +55,12 @@ class InstrumentSimulator:
 
     def expect(self, reference: Reference) -> None:
         """Set the reference joint positions for the next tick."""
+        self._reference = reference.position
         self.inner.expect(reference)
 
     def reset(self, measurement: Measurement) -> None:
         """Start at the attitude of this measurement, at rest."""
-        now = self.inner.joints.orientation(measurement.joint_position)
+        now = self._attitude(measurement)
         kept = max(self.inner.late, 1) + 1
         self._history = deque([now.copy() for _ in range(kept)], maxlen=kept)
         self._tick = self._first = measurement.tick
@@ -67,7 +71,7 @@ class InstrumentSimulator:
         """Return the estimate from the instruments' readings at this tick."""
         if measurement.tick != self._tick:
             self._tick = measurement.tick
-            self._history.append(self.inner.joints.orientation(measurement.joint_position))
+            self._history.append(self._attitude(measurement))
         seen = self._read(measurement)
         if self._steady_covariance is None and measurement.tick > self._first + self.inner.late:
             self._run_to_rest(seen)
@@ -77,6 +81,13 @@ class InstrumentSimulator:
                 covariance=self._steady_covariance
             )
         return estimate
+
+    def _attitude(self, measurement: Measurement) -> Vector:
+        """Return the true attitude, whose error from the reference is that of the positions."""
+        joints, position = self.inner.joints, measurement.joint_position
+        if self._reference.size:
+            position = joints.add_error(self._reference, position - self._reference)
+        return joints.orientation(position)
 
     def _run_to_rest(self, seen: Measurement) -> None:
         """Let the filter rest at these readings until its gains change little, and keep them."""

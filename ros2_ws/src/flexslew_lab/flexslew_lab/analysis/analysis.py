@@ -26,10 +26,9 @@ from flexslew_control.analysis.loop_margins import (
 from flexslew_control.analysis.modes import Mode, natural_modes
 from flexslew_control.analysis.rest import rest_of
 from flexslew_control.analysis.rigid_motions import free_rigid_modes
-from flexslew_control.controllers import build_controller
-from flexslew_control.controllers.probing.running_law import RunningLaw, running_law
+from flexslew_control.controllers.probing.running_law import RunningLaw
 from flexslew_control.plan import Plan
-from flexslew_lab.analysis.trial_models import Point, moment_of, point_of
+from flexslew_lab.analysis.trial_models import Point, moment_of, point_of, running_law_at
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.trial import (
     Trial,
@@ -167,11 +166,10 @@ class Analysis:
     def plain(self) -> dict[str, Any]:
         """Return the numbers as JSON holds them; what is infinite or has no value is null."""
         rest = self.point.rest
-        position = rest.model.joint_state(rest.state)[0]
         found: dict[str, Any] = {
             "controller": self.controller,
             "law": self.law,
-            "rest": dict(zip(rest.model.joint_names, position.tolist(), strict=True)),
+            "rest": rest.joints,
             "time": rest.time,
             "left_out": list(self.point.left_out),
             "warnings": list(self.point.warnings),
@@ -226,17 +224,13 @@ def loop_analysis(
         known = ", ".join(trial.controllers)
         raise BadInput(f"{source}: --controller: {name} is not in controllers; allowed: {known}")
     point = point_of(trial, at, joints, plan)
-    law, values = law_of(name, trial.controllers[name] or {})
-    plant = plant_of(trial)
-    built = build_controller(name, law, values, plant, f"{source}: controllers.{name}")
-    gains = None
-    if plan is not None and plan.gains.size:
-        gains = plan.reference(round(point.rest.time / trial.period)).gains
-    running = running_law(built, point.rest, plant.effort_limit, gains)
+    section = trial.controllers[name] or {}
+    running = running_law_at(trial, name, section, point, f"{source}: controllers.{name}")
     loop = loop_of(sampled_plant(point.rest, point.path, applied=True), running.form)
     if not loop.sensors:
         raise BadInput(f"{source}: {name} listens to no sensor there: it closes no loop")
     others = _plant_variants(trial, point, running, errors) if is_stable(loop) else ()
+    law, _ = law_of(name, section)
     return _measured(name, law, point, running, loop, others, plan)
 
 
@@ -302,13 +296,18 @@ def is_stable(loop: ControlLoop) -> bool:
     return not unstable_poles(loop).size and not free_rigid_modes(loop).joints
 
 
+def disk_margin(loop: ControlLoop) -> float:
+    """Return the disk margin of a loop at its efforts [-]; 0: not stable."""
+    if not is_stable(loop):
+        return 0.0
+    return disk_margins(frequency_response(loop), loop.effort_names).alpha
+
+
 def _plant_variants(
     trial: Trial, point: Point, running: RunningLaw, errors: Sequence[float]
 ) -> tuple[OtherPlant, ...]:
     """Return the margins on plants with errors, the law as it is."""
     here, testbed = point.rest, plant_of(trial).testbed
-    position = here.model.joint_state(here.state)[0]
-    joints = dict(zip(here.model.joint_names, position.tolist(), strict=True))
     out = []
     for stiffness in errors:
         for payload in errors:
@@ -316,7 +315,7 @@ def _plant_variants(
                 other = testbed.scaled(stiffness, payload)
             except BadInput:  # it carries none
                 continue
-            rest = replace(rest_of(other, joints, here.time))
+            rest = rest_of(other, here.joints, here.time)
             loop = loop_of(sampled_plant(rest, point.path, applied=True), running.form)
             if not is_stable(loop):
                 out.append(OtherPlant(stiffness, payload, False, 0.0, 0.0))

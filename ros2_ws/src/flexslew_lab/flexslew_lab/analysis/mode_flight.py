@@ -164,8 +164,6 @@ def _settings(trial: Trial, analysis: Analysis, gain: Vector, delay: Vector) -> 
     """Return a bench that rests where the loop was analysed, with faults."""
     rest = analysis.point.rest
     names = rest.model.joint_names
-    position = rest.model.joint_state(rest.state)[0]
-    joints = dict(zip(names, position.tolist(), strict=True))
     faults: list[Any] = [
         ActuatorGain(joint=name, gain=float(g))
         for name, g in zip(names, gain, strict=True)
@@ -179,7 +177,7 @@ def _settings(trial: Trial, analysis: Analysis, gain: Vector, delay: Vector) -> 
     plain = bench_settings(replace(trial, sensors=type(trial.sensors)()))
     sensors = getattr(trial.testbed, "sensors", {})  # on the appendages of a spacecraft
     exact = {name: _EXACT for name, sensor in sensors.items() if hasattr(sensor, "quantisation")}
-    changes = {"initial": joints, **({"sensors": exact} if exact else {})}
+    changes = {"initial": rest.joints, **({"sensors": exact} if exact else {})}
     return replace(
         plain,
         testbed=with_changes(trial.testbed, changes, "--prove"),

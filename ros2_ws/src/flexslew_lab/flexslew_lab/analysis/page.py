@@ -32,10 +32,7 @@ def analysis_page(
         more: further sections, before the curves.
     """
     rest = analysis.point.rest
-    position = rest.model.joint_state(rest.state)[0]
-    position_text = ", ".join(
-        f"{joint} {at:.4g}" for joint, at in zip(rest.model.joint_names, position, strict=True)
-    )
+    position_text = ", ".join(f"{joint} {at:.4g}" for joint, at in rest.joints.items())
     sections: list[Section] = [
         *tables(analysis),
         *(proof_tables(proof) if proof is not None else ()),

@@ -2,14 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from flexslew_control.analysis.linear_plant import PlantPath, continuous_plant, sampled_plant
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.analysis.rest import Rest, rest_of
+from flexslew_control.controllers import build_controller
+from flexslew_control.controllers.probing.running_law import RunningLaw, running_law
 from flexslew_control.plan import Plan
-from flexslew_lab.trial.trial import Trial, plan_of_trial, plant_of
+from flexslew_lab.trial.trial import Trial, law_of, plan_of_trial, plant_of
+from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.divergence import integration_of
 from flexslew_plant.bench.schedule import command_delay_ticks
 from flexslew_plant.errors import BadInput
@@ -112,6 +116,35 @@ def _not_in_models(trial: Trial, model: Model) -> list[str]:
         words.append("forces from outside")
     words += [f"delay and ticks of sensor {one.name}" for one in model.appendages.instruments]
     return words
+
+
+def running_law_at(
+    trial: Trial, name: str, section: dict[str, Any], point: Point, source: str
+) -> RunningLaw:
+    """Return the linear form of a controller at a point, with the gains of the plan then.
+
+    Args:
+        trial: of the bench.
+        name: of the controller.
+        section: its keys.
+        point: where it rests.
+        source: of the keys, for errors.
+
+    Raises:
+        BadInput: if the bench refuses the law, or it has no linear form there.
+    """
+    plant = plant_of(trial)
+    built = build_controller(name, *law_of(name, section), plant, source)
+    return running_law(
+        built, point.rest, plant.effort_limit, plan_gains(point.plan, point.rest.time)
+    )
+
+
+def plan_gains(plan: Plan | None, time: float) -> Vector | None:
+    """Return the gains that a plan has for its law at a time [s]; None: it has none."""
+    if plan is None or not plan.gains.size:
+        return None
+    return plan.reference(round(time / plan.period)).gains
 
 
 def model_of(point: Point, sampled: bool) -> Lti:

@@ -17,7 +17,7 @@ from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.probing.running_law import running_law
 from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
 from flexslew_control.plan import Plan
-from flexslew_lab.analysis.trial_models import Point, point_of
+from flexslew_lab.analysis.trial_models import Point, plan_gains, point_of
 from flexslew_lab.budget.estimate import (
     ErrorSystem,
     error_system,
@@ -209,9 +209,7 @@ def error_loop(
         instruments = NoisyInstruments.of(built.estimator)
         built.use_estimator(instruments)
         sampled = instruments.with_errors_alone(sampled, point.rest.model.appendages.names)
-    gains = None
-    if plan is not None and plan.gains.size:
-        gains = plan.reference(round(time / trial.period)).gains
+    gains = plan_gains(plan, time)
     form = running_law(built, point.rest, plant.effort_limit, gains).form
     loop = loop_of(sampled, form)
     if not loop.sensors:

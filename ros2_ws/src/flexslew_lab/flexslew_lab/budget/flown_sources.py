@@ -10,7 +10,13 @@ from flexslew_control.plan import Plan
 from flexslew_lab.budget.contribution import Contribution, drawn, fixed, summed
 from flexslew_lab.budget.error_free import ErrorFlight, error_free, simulate, without_faults
 from flexslew_lab.budget.sources import ObservedLoop
-from flexslew_lab.guarantee.parameters import Situation, Uncertain, Vary, uncertain_parameters
+from flexslew_lab.guarantee.parameters import (
+    Situation,
+    Uncertain,
+    Vary,
+    situation_at,
+    uncertain_parameters,
+)
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.schedule import ScheduleEntry
@@ -120,9 +126,7 @@ def model_sources(of: ErrorFreeFlight, vary: Vary) -> Iterator[Contribution]:
         BadInput: if a name or a range is not understood, or a flight fails.
     """
     point, trial = of.at.loop.point, without_faults(error_free(of.at.trial))
-    position = point.rest.model.joint_state(point.rest.state)[0].tolist()
-    joints = dict(zip(point.rest.model.joint_names, position, strict=True))
-    base = Situation(trial, trial.testbed, joints, point.rest, point.path)
+    base = situation_at(trial, point)
     for one in uncertain_parameters(base, vary):
         low, high = (of.difference(_with(base, one, end)) for end in (one.low, one.high))
         parts = drawn(of.at.metrics((high - low) / np.sqrt(12.0)))

@@ -10,10 +10,9 @@ import numpy as np
 
 from flexslew_control.analysis.linear_plant import sampled_plant
 from flexslew_control.analysis.loop import loop_of
-from flexslew_control.analysis.loop_margins import disk_margins, frequency_response
 from flexslew_control.controllers import CONTROLLERS, build_controller, law_values
 from flexslew_control.controllers.probing.running_law import running_law
-from flexslew_lab.analysis.analysis import is_stable
+from flexslew_lab.analysis.analysis import disk_margin
 from flexslew_lab.analysis.trial_models import Point, point_of
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.execution.worker import Job, StudyRunner
@@ -156,12 +155,8 @@ class GainEnsemble:
         except BadInput:  # it does not hold even what it believes
             return 0.0
         form = running_law(built, self._point.rest, plant.effort_limit).form
-        loop = loop_of(sampled_plant(self._point.rest, self._point.path, applied=True), form)
-        return (
-            disk_margins(frequency_response(loop), loop.effort_names).alpha
-            if is_stable(loop)
-            else 0.0
-        )
+        plant_ticks = sampled_plant(self._point.rest, self._point.path, applied=True)
+        return disk_margin(loop_of(plant_ticks, form))
 
     def _simulate_choices(self, choices: Sequence[Sequence[float]]) -> list[list[FlightResult]]:
         """Return the flights on all benches, by choice."""

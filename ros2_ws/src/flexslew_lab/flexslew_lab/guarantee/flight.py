@@ -9,11 +9,10 @@ from flexslew_lab.analysis.analysis import Analysis
 from flexslew_lab.analysis.mode_flight import require_same_bench
 from flexslew_lab.analysis.proof import measured_pole, mode_near
 from flexslew_lab.guarantee.bounds import worst_case_of
-from flexslew_lab.guarantee.parameters import Vary, loop_values
+from flexslew_lab.guarantee.parameters import Vary, loop_values, situation_at
 from flexslew_lab.guarantee.varied_loop import (
     VariedLoop,
     default_vary,
-    situation_of,
     varied_loop,
 )
 from flexslew_lab.guarantee.worst_case import WorstCase
@@ -119,7 +118,7 @@ def fly_worst_case(trial: Trial, analysis: Analysis, found: WorstCase) -> FlownW
         raise BadInput(f"--prove: {mode} is no number of a bench; vary stiffness or testbed.KEY")
     centre = np.array([(one.low + one.high) / 2.0 for one in p])
     way = found.unstable.values - centre
-    varied = VariedLoop(situation_of(trial, analysis), p, analysis, np.ones(0))
+    varied = VariedLoop(situation_at(trial, analysis.point), p, analysis, np.ones(0))
     inside, outside = (
         _measure(varied, centre + (1.0 + side * _OFFSET) * way, found.frequency)
         for side in (-1.0, 1.0)

@@ -13,6 +13,7 @@ from time import thread_time
 import numpy as np
 
 from flexslew_control.analysis.loop import Complex
+from flexslew_control.analysis.lti import transfer
 from flexslew_lab.guarantee.scalings import DeltaBlocks, Multiplier, Scalings
 from flexslew_plant.arrays import Matrix, Vector
 
@@ -34,10 +35,9 @@ class LoopChannels:
 
     def at(self, angle: float | Vector) -> Complex:
         """Return M at z = exp(j angle), shape (..., v, w)."""
-        z, eye = np.exp(1j * np.asarray(angle))[..., None, None], np.eye(len(self.a))
-        pencil = (z - 1.0) * eye - (self.a - eye)
-        b = np.broadcast_to(self.b, (*pencil.shape[:-2], *self.b.shape))
-        return np.asarray(self.c @ np.linalg.solve(pencil, b) + self.d)
+        z = np.asarray(np.exp(1j * np.asarray(angle)))
+        found = transfer((self.a, self.b, self.c, self.d), z.reshape(-1))
+        return found.reshape(*z.shape, *self.d.shape)
 
     def continuous(self) -> "LoopChannels":
         """Return it with z = (1 + s) / (1 - s)."""

@@ -16,6 +16,7 @@ from flexslew_control.analysis.lti import Lti
 from flexslew_control.analysis.modes import Mode, natural_modes
 from flexslew_control.analysis.rest import Rest, rest_of
 from flexslew_control.analysis.signals import states_of
+from flexslew_lab.analysis.trial_models import Point
 from flexslew_lab.guarantee.box import Box
 from flexslew_lab.guarantee.mode_changes import ModeChange, mode_key, with_modes
 from flexslew_lab.trial.trial import Trial
@@ -70,7 +71,6 @@ class Situation:
 
     trial: Trial
     testbed: Testbed
-    joints: Mapping[str, float]
     rest: Rest
     path: PlantPath
     modes: Mapping[int, ModeChange] = field(default_factory=dict)
@@ -108,7 +108,7 @@ class Situation:
             testbed = with_changes(testbed, keys, "vary")
         if testbed is self.testbed:
             return replace(self, path=path, modes=modes)
-        rest = rest_of(testbed, dict(self.joints), self.rest.time)
+        rest = rest_of(testbed, self.rest.joints, self.rest.time)
         return replace(self, testbed=testbed, rest=rest, path=path, modes=modes)
 
     @property
@@ -125,6 +125,11 @@ class Situation:
     def natural_modes(self) -> tuple[Mode, ...]:
         """Modes of the plant, the slowest first, as `analyse` lists them."""
         return natural_modes(continuous_plant(self.rest, self.path.actuator))
+
+
+def situation_at(trial: Trial, point: Point) -> Situation:
+    """Return where the plant of a trial is linear at a point."""
+    return Situation(trial, trial.testbed, point.rest, point.path)
 
 
 def uncertain_parameters(situation: Situation, vary: Vary) -> tuple[Uncertain, ...]:

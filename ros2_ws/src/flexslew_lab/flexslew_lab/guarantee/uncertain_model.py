@@ -11,11 +11,11 @@ from flexslew_control.analysis.lti import Lti
 from flexslew_lab.analysis.trial_models import point_of
 from flexslew_lab.guarantee.fractional import Fractional, fractional_over
 from flexslew_lab.guarantee.parameters import (
-    Situation,
     Uncertain,
     Vary,
     box_of,
     loop_values,
+    situation_at,
     uncertain_parameters,
 )
 from flexslew_lab.trial.trial import Trial
@@ -131,10 +131,7 @@ def uncertain_model_of(trial: Trial, vary: Vary, at: float | str | None = None) 
     Raises:
         BadInput: if a parameter is not understood, or the states differ within the ranges.
     """
-    point = point_of(trial, at)
-    position = point.rest.model.joint_state(point.rest.state)[0].tolist()
-    joints = dict(zip(point.rest.model.joint_names, position, strict=True))
-    situation = Situation(trial, trial.testbed, joints, point.rest, point.path)
+    situation = situation_at(trial, point_of(trial, at))
     parameters = uncertain_parameters(situation, vary)
     box = box_of(parameters)
 

@@ -17,6 +17,7 @@ from flexslew_lab.guarantee.parameters import (
     Vary,
     box_of,
     loop_values,
+    situation_at,
     uncertain_parameters,
 )
 from flexslew_lab.trial.trial import Trial
@@ -78,21 +79,13 @@ def varied_loop(trial: Trial, analysis: Analysis, vary: Vary) -> VariedLoop:
     Raises:
         BadInput: see uncertain_parameters.
     """
-    situation = situation_of(trial, analysis)
+    situation = situation_at(trial, analysis.point)
     parameters = uncertain_parameters(situation, vary)
     box = box_of(parameters)
     changes = loop_values(parameters, box.centre)
     loop = loop_of(situation.changed(changes).plant, analysis.running.form)
     _, (scales, _) = matrix_balance(loop.closed.a, permute=False, separate=True)
     return VariedLoop(situation, parameters, analysis, np.asarray(scales, dtype=np.float64))
-
-
-def situation_of(trial: Trial, analysis: Analysis) -> Situation:
-    """Return where the plant of an analysis is linear."""
-    point = analysis.point
-    position = point.rest.model.joint_state(point.rest.state)[0].tolist()
-    joints = dict(zip(point.rest.model.joint_names, position, strict=True))
-    return Situation(trial, trial.testbed, joints, point.rest, point.path)
 
 
 def default_vary(trial: Trial) -> Vary:

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.linalg import block_diag, schur, solve_sylvester
 
 from flexslew_control.analysis.loop import Complex
-from flexslew_control.analysis.lti import Lti
+from flexslew_control.analysis.lti import Lti, transfer
 from flexslew_control.analysis.minimal import minimal_part
-from flexslew_plant.arrays import Matrix
+from flexslew_plant.arrays import Matrix, Vector
 
 _LIMIT = 1e-6  # distance from the limit of stability, of one tick's or of the fastest pole
 _HIDDEN = 1e-11  # residue of a stable pole that nothing moves or sees, of the largest
@@ -182,6 +182,12 @@ class ClosedLoop:
         """A, B, C and D."""
         n, m = self.states, self.matrix
         return m[:n, :n], m[:n, n:], m[n:, :n], m[n:, n:]
+
+    def at(self, frequency: Vector) -> Complex:
+        """Return its response at frequencies [rad/s], shape (k, z, w)."""
+        s = 1j * np.asarray(frequency)
+        point = np.exp(s * self.period) if self.period else s
+        return transfer(self.parts, point.astype(np.complex128))
 
     def gradient(self, of_matrix: Matrix) -> Matrix:
         """Return the gradient in K of a function with a gradient in M."""

@@ -99,7 +99,7 @@ def _curves(tuned: TunedController) -> Iterator[Section]:
             if part.norm is not h_infinity or stability(loop).value >= 0.0:
                 continue
             w = _frequencies(loop)
-            size = part.scale * _sizes(loop, w)
+            size = part.scale * np.linalg.norm(loop.at(w), 2, axis=(1, 2))
             largest, first = max(largest, float(size.max())), False
             panel.line(w, np.maximum(size, _LEAST), label, style(m))
         if not first:
@@ -120,10 +120,3 @@ def _frequencies(loop: ClosedLoop) -> Vector:
     peak = h_infinity(loop).frequency
     return np.unique(np.concatenate((grid, near[(near > grid[0]) & (near < top)],
                                      [peak] if grid[0] < peak < top else [])))  # fmt: skip
-
-
-def _sizes(loop: ClosedLoop, w: Vector) -> Vector:
-    a, b, c, d = loop.parts
-    z = np.exp(1j * w * loop.period) if loop.period else 1j * w
-    states = np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, b)
-    return np.asarray(np.linalg.norm(c @ states + d, 2, axis=(1, 2)))

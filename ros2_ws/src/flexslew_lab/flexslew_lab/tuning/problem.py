@@ -148,7 +148,7 @@ class TuningProblem:
                 found = part.norm(loop)
                 if not np.isfinite(found.value):
                     continue
-                d = best_scaling(_response(loop, found.frequency))
+                d = best_scaling(loop.at(np.array([found.frequency]))[0])
                 scaling = self.scalings.get((m, g), np.ones(len(part.targets))) * d
                 scaling = scaling / np.exp(np.log(scaling).mean())
                 self.scalings[m, g] = scaling
@@ -165,12 +165,6 @@ class TuningProblem:
         found = norm(loop)
         gradient = np.tensordot(slopes, loop.gradient(found.gradient), 2)
         return GoalNumber(found.value, found.frequency, np.asarray(gradient))
-
-
-def _response(loop: ClosedLoop, frequency: float) -> "np.typing.NDArray[np.complex128]":
-    a, b, c, d = loop.parts
-    z = np.exp(1j * frequency * loop.period) if loop.period else 1j * frequency
-    return np.asarray(c @ np.linalg.solve(z * np.eye(len(a)) - a, b) + d)
 
 
 def prepared_plant(

@@ -2,12 +2,11 @@
 
 from typing import Any
 
-from flexslew_control.controllers import build_controller
-from flexslew_control.controllers.probing.running_law import running_law
-from flexslew_lab.analysis.trial_models import Point, point_of
+from flexslew_control.analysis.lti import Lti
+from flexslew_lab.analysis.trial_models import Point, point_of, running_law_at
 from flexslew_lab.gains.ensemble import gains_of
-from flexslew_lab.guarantee.parameters import Situation, uncertain_parameters
-from flexslew_lab.trial.trial import Trial, law_of, plant_of
+from flexslew_lab.guarantee.parameters import situation_at, uncertain_parameters
+from flexslew_lab.trial.trial import Trial
 from flexslew_lab.tuning.channels import PlantChannels
 from flexslew_lab.tuning.goals import LoopPlaces, all_channels, stated_goals
 from flexslew_lab.tuning.law_gains import LawGains, law_gains
@@ -71,12 +70,10 @@ def gains_structure(
 ) -> LawGains:
     """Return the numbers of a trial's controller as a structure."""
     keys = gains_of(trial, source, name, block.keys).shipped
-    law, values = law_of(name, trial.controllers[name] or {})
-    plant = plant_of(trial)
+    section = trial.controllers[name] or {}
 
-    def form_of(other: dict[str, Any]) -> Any:
-        built = build_controller(name, law, {**values, **other}, plant, source)
-        return running_law(built, point.rest, plant.effort_limit).form
+    def form_of(other: dict[str, Any]) -> Lti:
+        return running_law_at(trial, name, {**section, **other}, point, source).form
 
     return law_gains(form_of, keys)
 
@@ -92,10 +89,7 @@ def _sensors(structure: ControllerStructure, channels: PlantChannels) -> tuple[s
 
 
 def _models(settings: TuningSettings, trial: Trial, point: Point) -> dict[str, PlantChannels]:
-    rest = point.rest
-    position = rest.model.joint_state(rest.state)[0].tolist()
-    joints = dict(zip(rest.model.joint_names, position, strict=True))
-    situation = Situation(trial, trial.testbed, joints, rest, point.path)
+    situation = situation_at(trial, point)
     found = {}
     for k, changes in enumerate(settings.models):
         if changes:  # refuses a name that is none

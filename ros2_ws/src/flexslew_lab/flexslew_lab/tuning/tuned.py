@@ -9,12 +9,17 @@ import numpy as np
 
 from flexslew_control.analysis.loop import ControlLoop, loop_of
 from flexslew_control.analysis.loop_margins import disk_margins, frequency_response
-from flexslew_control.controllers import build_controller
-from flexslew_control.controllers.probing.running_law import running_law
-from flexslew_lab.analysis.analysis import Analysis, finite, is_stable, loop_analysis
+from flexslew_lab.analysis.analysis import (
+    Analysis,
+    disk_margin,
+    finite,
+    is_stable,
+    loop_analysis,
+)
+from flexslew_lab.analysis.trial_models import running_law_at
 from flexslew_lab.notebook import trial as changed_trial
 from flexslew_lab.short_values import short
-from flexslew_lab.trial.trial import Trial, law_of, plant_of
+from flexslew_lab.trial.trial import Trial, law_of
 from flexslew_lab.tuning.problem import GoalNumber, TuningProblem
 from flexslew_lab.tuning.settings import GainBlock, MarginGoal
 from flexslew_lab.tuning.solve import StartOutcome, solve_starts
@@ -116,10 +121,7 @@ class TunedController:
     @property
     def analysis(self) -> Analysis:
         """The loop of the tuned trial, analysed by `analyse`'s own means."""
-        settings, point = self.problem.settings, self.problem.point
-        rest = point.rest
-        position = rest.model.joint_state(rest.state)[0].tolist()
-        joints = dict(zip(rest.model.joint_names, position, strict=True))
+        settings, joints = self.problem.settings, self.problem.point.rest.joints
         return loop_analysis(
             self.trial, settings.tuning, settings.controller, settings.at, joints, errors=()
         )
@@ -169,7 +171,7 @@ def tune_structure(
     tuned = trial_with(problem, x)
     loops = bench_loops(problem, tuned)
     stable = {name: is_stable(loop) for name, loop in loops.items()}
-    margins = {name: _disk(loop) if stable[name] else 0.0 for name, loop in loops.items()}
+    margins = {name: disk_margin(loop) for name, loop in loops.items()}
     goals = _measured(problem, x, loops, stable)
     return TunedController(problem, starts, best, goals, stable, margins, tuned)
 
@@ -208,15 +210,9 @@ def bench_loops(problem: TuningProblem, trial: Trial) -> dict[str, ControlLoop]:
         BadInput: if the bench refuses the law.
     """
     name = problem.settings.controller
-    law, values = law_of(name, trial.controllers[name] or {})
-    plant = plant_of(trial)
-    built = build_controller(name, law, values, plant, f"controllers.{name}")
-    form = running_law(built, problem.point.rest, plant.effort_limit).form
+    section, source = trial.controllers[name] or {}, f"controllers.{name}"
+    form = running_law_at(trial, name, section, problem.point, source).form
     return {label: loop_of(one.plant, form) for label, one in problem.models.items()}
-
-
-def _disk(loop: ControlLoop) -> float:
-    return disk_margins(frequency_response(loop), loop.effort_names).alpha
 
 
 def _measured(
