@@ -3,8 +3,9 @@
 import numpy as np
 
 from flexslew_lab.guarantee.box import Box
-from flexslew_lab.guarantee.certificate import UncertainLoop, certify, uncertain_loop
+from flexslew_lab.guarantee.certificate import certify
 from flexslew_lab.guarantee.search import breakdown
+from flexslew_lab.guarantee.uncertain_loop import UncertainLoop
 
 STATES, PARAMETERS = 5, 2
 GRID = np.linspace(-1.0, 1.0, 61)
@@ -27,7 +28,7 @@ def random_loop(rng: np.random.Generator, scale: float) -> UncertainLoop:
         return bool(abs(np.linalg.eigvals(exact(p)[:-1, :-1])).max() < 1.0)
 
     box = Box(np.zeros(PARAMETERS), np.full(PARAMETERS, scale))
-    return uncertain_loop(box, STATES, exact, stable)
+    return UncertainLoop(box, STATES, exact, stable)
 
 
 def test_bounds_enclose_the_truth_of_a_dense_grid(case: np.random.Generator) -> None:

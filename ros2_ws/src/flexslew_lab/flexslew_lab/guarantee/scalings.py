@@ -17,8 +17,10 @@ from itertools import pairwise
 import numpy as np
 
 from flexslew_control.analysis.loop import Complex
+from flexslew_lab.guarantee.deadline import require_time
 from flexslew_plant.arrays import Matrix, Vector
 
+MOST_UNKNOWNS = 500  # of an inequality: more take minutes
 _LEAST = 1e-7  # of the sum of the scalings: a smaller margin is none
 _ITERATIONS = 80
 _GROWTH, _LAST_PUSH = 10.0, 1e6
@@ -39,6 +41,11 @@ class DeltaBlocks:
 
     real: tuple[int, ...]
     full: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def unknowns(self) -> int:
+        """Number of the inequality's unknowns: D and G of each real block, d of each full one."""
+        return sum(2 * size**2 for size in self.real) + len(self.full)
 
     def spans(self) -> list[tuple[slice, slice]]:
         """Return the rows of w and of v of each block."""
@@ -130,15 +137,19 @@ class Scalings:
         self.blocks = blocks
         self._basis = _Basis(blocks)
 
-    def multiplier(self, m: Complex) -> Multiplier | None:
+    def multiplier(self, m: Complex, end: float = np.inf) -> Multiplier | None:
         """Return the scalings with the largest margin for M, or None: there are none.
 
         Args:
             m: shape (v, w).
+            end: of the search, as time.thread_time counts [s].
+
+        Raises:
+            OutOfTimeError: after it.
         """
         left, right = self.balance(m)
         try:
-            found = self._solve(left[:, None] * m / right)
+            found = self._solve(left[:, None] * m / right, end)
         except np.linalg.LinAlgError:  # the path has left the cone by rounding
             return None
         if found is None:
@@ -175,7 +186,7 @@ class Scalings:
                 w[in_w] *= factor
         return v, w
 
-    def _solve(self, m: Complex) -> Multiplier | None:
+    def _solve(self, m: Complex, end: float) -> Multiplier | None:
         """Return scalings with a margin t, Phi + t < 0, D > 0 and a fixed sum of D.
 
         Newton's method along the central path of the barrier -log det(-Phi - t) - log det D; it
@@ -197,6 +208,7 @@ class Scalings:
         constraints = sum(part.shape[1] for part in slopes)
         push, inside = constraints / (1.0 + abs(x[-1])), 0
         for _ in range(_ITERATIONS):
+            require_time(end)
             gradient, hessian = _barrier(x, slopes)
             gradient[-1] -= push
             gradient[:-1] += _G_COST * b.is_g * x[:-1]
