@@ -60,7 +60,7 @@ def test_a_peak_is_bounded_within_a_fifth_and_not_below_the_truth() -> None:
     grid = np.linspace(-1.0, 1.0, 9)
     truth = max(largest(BOX.at(np.array([x, y]))) for x in grid for y in grid)
     fit = system_fit(system, BOX, dynamics_fit(lambda p: system(p)[:4, :4], BOX).shown)
-    cells = bounded_cells(fit, False, 1.2 * truth, 30.0)
+    cells = bounded_cells(fit, False, 1.2 * truth, 600.0)
     assert cells is not None
     assert exceeding(system, STATES, False, 1.2 * truth, cells) is None
     assert exceeding(system, STATES, False, 0.5 * truth, cells) is not None

@@ -24,6 +24,7 @@ from flexslew_plant.errors import BadInput
 
 STIFFNESS = "testbed.parameters.stiffness"
 RANGE = {STIFFNESS: [0.5, 2.0]}  # of the benchmark of Wie and Bernstein
+PLENTY = 3600.0  # processor time that no machine needs [s]
 
 
 @pytest.fixture(scope="module")
@@ -32,14 +33,14 @@ def plain() -> Analysis:
 
 
 def test_the_robust_design_is_certified_in_the_published_range() -> None:
-    found = fs.worst_case("acc_benchmark", RANGE, "robust", at=0.0)
+    found = fs.worst_case("acc_benchmark", RANGE, "robust", at=0.0, seconds=PLENTY)
     assert found.guaranteed
     assert found.gap < 0.05
     assert all(gain.found <= gain.bound < 1.05 * gain.found for gain in found.gains)
 
 
 def test_the_plain_design_is_refuted_at_the_right_value(plain: Analysis) -> None:
-    found = worst_case_of(trial("acc_benchmark"), plain, RANGE, seconds=20.0)
+    found = worst_case_of(trial("acc_benchmark"), plain, RANGE, PLENTY, ())
     assert not found.guaranteed
     unstable = present(found.unstable)
     assert unstable.values[0] == pytest.approx(0.584, abs=0.001)
@@ -54,7 +55,7 @@ def test_the_plain_design_is_refuted_at_the_right_value(plain: Analysis) -> None
 
 def test_two_parameters_are_enclosed_by_a_grid(plain: Analysis) -> None:
     vary: Vary = {STIFFNESS: [0.7, 1.8], "gain": 0.3}
-    found = worst_case_of(trial("acc_benchmark"), plain, vary, seconds=20.0)
+    found = worst_case_of(trial("acc_benchmark"), plain, vary, PLENTY, ())
     assert found.certified > 0.0
     assert found.gap < 0.05
     varied, box = varied_loop(trial("acc_benchmark"), plain, vary), box_of(found.parameters)
@@ -72,7 +73,7 @@ def test_six_parameters_are_bounded_within_ten_per_cent() -> None:
         **{f"testbed.parameters.{key}": share for key, share in near.items()},
     }  # fmt: skip
     analysis = loop_analysis(trial("acc_benchmark"), "here", "robust", 0.0)
-    found = worst_case_of(trial("acc_benchmark"), analysis, vary)
+    found = worst_case_of(trial("acc_benchmark"), analysis, vary, PLENTY, ())
     assert found.certified > 0.0
     assert found.unstable is None or found.gap < 0.1
 

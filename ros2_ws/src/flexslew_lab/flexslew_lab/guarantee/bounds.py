@@ -1,5 +1,6 @@
 """Both bounds of a worst case: the nearest unstable loop, and the largest certified box."""
 
+from collections.abc import Sequence
 from time import thread_time
 from typing import NamedTuple
 
@@ -27,14 +28,19 @@ from flexslew_plant.errors import BadInput
 _LARGEST = 2.0  # scale to which the nearest unstable loop is sought [-]
 _TRIES = (0.995, 0.96, 0.91, 0.8, 0.5)  # of its scale, to be certified
 _GAIN_TRIES = (1.2, 1.04, 1.01)  # times the largest gain found
-_SECONDS = 60.0  # of the processor, for all of it
+SECONDS = 60.0  # of the processor, for all of it
 _SEARCH_SHARE, _STABILITY_SHARE = 0.2, 0.7  # of the time: until then at most, from the beginning
 _ATTEMPT_SHARE = 0.6  # of the time that is left, for one attempt
-_PEAK_SHARE, _LEAST_GAIN = 0.3, 0.1  # of a gain's time: for its peak; to try once more
+_PEAK_SHARE = 0.3  # of a gain's time, for its largest peak
+_LONGER, _LEAST_GAIN = 5.0, 2.0  # times the last try, or so long [s], a smaller bound is tried
 
 
 def worst_case_of(
-    trial: Trial, analysis: Analysis, vary: Vary | None = None, seconds: float = _SECONDS
+    trial: Trial,
+    analysis: Analysis,
+    vary: Vary | None = None,
+    seconds: float = SECONDS,
+    responses: Sequence[DisturbanceResponse] = RESPONSES,
 ) -> WorstCase:
     """Return the worst case of an analysed loop.
 
@@ -43,6 +49,7 @@ def worst_case_of(
         analysis: of its loop.
         vary: uncertain parameters, see uncertain_parameters; None: see default_vary.
         seconds: of the processor for all of it.
+        responses: whose peaks are bounded.
 
     Raises:
         BadInput: if a parameter is not understood, or the loop is not stable, or not at the centre.
@@ -62,7 +69,7 @@ def worst_case_of(
     certified, certificate, unstable = proof.certified(unstable)
     gains: tuple[GainBounds, ...] = ()
     if certified > 0.0:
-        gains = _gain_bounds(varied, min(certified, 1.0), start + seconds)
+        gains = _gain_bounds(varied, min(certified, 1.0), start + seconds, responses)
     return WorstCase(
         analysis.controller, varied.parameters, certified, certificate, unstable, searched, gains,
         whole.fit.quality, analysis.loop.system.period,
@@ -125,7 +132,9 @@ class _Proof(NamedTuple):
         return (first if holds else 0.0), certificate, unstable
 
 
-def _gain_bounds(varied: VariedLoop, scale: float, end: float) -> tuple[GainBounds, ...]:
+def _gain_bounds(
+    varied: VariedLoop, scale: float, end: float, responses: Sequence[DisturbanceResponse]
+) -> tuple[GainBounds, ...]:
     """Return bounds of the responses at the plant's input within a scale of the box.
 
     Each response has an even share of the time that is left.
@@ -133,8 +142,8 @@ def _gain_bounds(varied: VariedLoop, scale: float, end: float) -> tuple[GainBoun
     box = box_of(varied.parameters).scaled(scale)
     loops = {pointing: varied.over(box, pointing) for pointing in (False, True)}
     out = []
-    for number, response in enumerate(RESPONSES):
-        seconds = max(end - thread_time(), 0.0) / (len(RESPONSES) - number)
+    for number, response in enumerate(responses):
+        seconds = max(end - thread_time(), 0.0) / (len(responses) - number)
         with phase(f"bounding {response.name}"):
             out.append(_gain_bound(varied, loops[response.pointing], response, seconds))
     return tuple(out)
@@ -145,12 +154,13 @@ def _gain_bound(
 ) -> GainBounds:
     end, unit = thread_time() + seconds, GainLimit(1.0, response.complement)
     peak = largest_peak(loop, unit, thread_time() + _PEAK_SHARE * seconds)
-    bound = np.inf
+    bound, most = np.inf, seconds
     for factor in _GAIN_TRIES:
-        gain, left = GainLimit(factor * peak.size, response.complement), end - thread_time()
-        if left <= _LEAST_GAIN * seconds or not certify(loop, gain, seconds=left).holds:
+        begin, gain = thread_time(), GainLimit(factor * peak.size, response.complement)
+        left = min(end - begin, most)
+        if left <= 0.0 or not certify(loop, gain, seconds=left).holds:
             break
-        bound = gain.bound
+        bound, most = gain.bound, max(_LONGER * (thread_time() - begin), _LEAST_GAIN)
     nominal = peak_at(loop, np.zeros(len(loop.box.centre)), unit)
     values = loop_values(varied.parameters, loop.box.at(peak.delta))
     return GainBounds(response.name, nominal, peak.size, bound, values)

@@ -9,10 +9,10 @@ import numpy as np
 from scipy.linalg import schur, solve_sylvester
 
 from flexslew_lab.guarantee.box import Box
+from flexslew_lab.guarantee.delta_blocks import DeltaBlocks
 from flexslew_lab.guarantee.dynamics_fit import DynamicsFit, dynamics_fit
 from flexslew_lab.guarantee.fractional import Fractional, fractional_over
 from flexslew_lab.guarantee.frequency_cover import LoopChannels
-from flexslew_lab.guarantee.scalings import DeltaBlocks
 from flexslew_plant.arrays import Matrix, Vector
 
 _RIGID = 1e-9  # distance from the unit circle of a pole that the loop does not show

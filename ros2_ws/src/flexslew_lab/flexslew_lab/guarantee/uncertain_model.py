@@ -11,13 +11,13 @@ from flexslew_control.analysis.lti import Lti
 from flexslew_lab.analysis.trial_models import point_of
 from flexslew_lab.guarantee.fractional import Fractional, fractional_over
 from flexslew_lab.guarantee.parameters import (
-    Situation,
     Uncertain,
     Vary,
     box_of,
     loop_values,
     uncertain_parameters,
 )
+from flexslew_lab.guarantee.situation import Situation
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput

@@ -11,7 +11,6 @@ from flexslew_lab.analysis.analysis import Analysis, is_stable
 from flexslew_lab.guarantee.box import Box
 from flexslew_lab.guarantee.parameters import (
     DEFAULT,
-    Situation,
     Uncertain,
     Vary,
     box_of,
@@ -19,6 +18,7 @@ from flexslew_lab.guarantee.parameters import (
     uncertain_parameters,
 )
 from flexslew_lab.guarantee.polynomial import size_differs
+from flexslew_lab.guarantee.situation import Situation
 from flexslew_lab.guarantee.uncertain_loop import UncertainLoop
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector

@@ -6,7 +6,8 @@ from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.probing.running_law import running_law
 from flexslew_lab.analysis.trial_models import Point, point_of
 from flexslew_lab.gains.ensemble import gains_of
-from flexslew_lab.guarantee.parameters import Situation, uncertain_parameters
+from flexslew_lab.guarantee.parameters import uncertain_parameters
+from flexslew_lab.guarantee.situation import Situation
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_lab.tuning.channels import PlantChannels
 from flexslew_lab.tuning.goals import LoopPlaces, all_channels, stated_goals
