@@ -121,6 +121,22 @@ def test_what_is_not_understood_is_refused(
         worst_case_of(trial("acc_benchmark"), plain, vary)
 
 
+def test_a_guarantee_without_time_keeps_what_it_has(plain: Analysis) -> None:
+    found = worst_case_of(trial("acc_benchmark"), plain, RANGE, seconds=0.0)
+    assert not found.guaranteed
+    assert found.gains == ()
+    assert found.verdict.startswith("not certified: no time")
+
+
+@pytest.mark.parametrize(("name", "exact"), [("gain", True), ("stiffness", False)])
+def test_a_fit_is_exact_where_the_loop_is_affine(plain: Analysis, name: str, exact: bool) -> None:
+    found = worst_case_of(trial("acc_benchmark"), plain, {name: 0.1}, 0.0, ())
+    assert found.fit.exact is exact
+    assert found.fit.words.startswith("exact" if exact else "largest error")
+    model = fs.uncertain_model("acc_benchmark", {name: 0.1})
+    assert repr(model).endswith("exact>") is exact
+
+
 def test_an_uncertain_model_is_the_sampled_plant_at_every_value(tmp_path: Path) -> None:
     model = fs.uncertain_model("acc_benchmark", RANGE)
     changed = trial("acc_benchmark", {STIFFNESS: 0.8})
