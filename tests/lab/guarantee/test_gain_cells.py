@@ -7,7 +7,9 @@ from scipy.linalg import block_diag, expm
 from flexslew_lab.guarantee.box import Box
 from flexslew_lab.guarantee.dynamics_fit import dynamics_fit
 from flexslew_lab.guarantee.frequency_cover import LoopChannels
-from flexslew_lab.guarantee.gain_cells import bounded_cells, exceeding, gain_cell, system_fit
+from flexslew_lab.guarantee.gain_cell import gain_cell
+from flexslew_lab.guarantee.gain_cells import bounded_cells, exceeding
+from flexslew_lab.guarantee.system_fit import system_fit
 
 BOX = Box(np.array([1.0, 1.0]), np.array([0.1, 0.1]))  # stiffness and inertia
 STATES = 4
@@ -33,26 +35,32 @@ def largest(p: np.ndarray) -> float:
     return float(abs(channels.at(angles)).max())
 
 
-def test_bounds_of_arcs_enclose_the_gain() -> None:
+@pytest.mark.parametrize("complement", [False, True])
+def test_bounds_of_arcs_enclose_the_gain(complement: bool) -> None:
     fit, rng = system_fit(system, BOX, np.eye(STATES)), np.random.default_rng(3)
     centre, radius = np.array([0.2, -0.3]), np.array([0.02, 0.03])
-    cell = gain_cell(fit, False, centre, radius)
+    cell = gain_cell(fit, complement, centre, radius)
     low = rng.uniform(0.0, 0.4, 60)
     high = low + rng.choice([1e-4, 1e-3, 1e-2], 60)
     bounds = cell.bounds(low, high, np.ones(2))
     assert np.isfinite(bounds).any()
+    at_centre = cell.bounds(low, low, np.zeros(2))
+    s = system(BOX.at(centre))
+    truth = LoopChannels(s[:4, :4], s[:4, 4:], s[4:, :4], s[4:, 4:] + complement).at(low)
+    np.testing.assert_allclose(at_centre, abs(truth)[:, 0, 0], rtol=1e-3, atol=1e-3)
     for x in rng.uniform(-1.0, 1.0, (30, 2)):
         s = system(BOX.at(centre + radius * x))
         channels = LoopChannels(s[:4, :4], s[:4, 4:], s[4:, :4], s[4:, 4:])
         for share in (0.0, 0.5, 1.0):
-            assert (abs(channels.at(low + share * (high - low)))[:, 0, 0] <= bounds).all()
+            response = channels.at(low + share * (high - low))[:, 0, 0]
+            assert (abs(complement + response) <= bounds).all()
 
 
 def test_a_peak_is_bounded_within_a_fifth_and_not_below_the_truth() -> None:
     grid = np.linspace(-1.0, 1.0, 9)
     truth = max(largest(BOX.at(np.array([x, y]))) for x in grid for y in grid)
     fit = system_fit(system, BOX, dynamics_fit(lambda p: system(p)[:4, :4], BOX).shown)
-    cells = bounded_cells(fit, False, 1.2 * truth, 30.0)
+    cells = bounded_cells(fit, False, 1.2 * truth, 600.0)
     assert cells is not None
     assert exceeding(system, STATES, False, 1.2 * truth, cells) is None
     assert exceeding(system, STATES, False, 0.5 * truth, cells) is not None

@@ -24,6 +24,7 @@ from flexslew_plant.errors import BadInput
 
 STIFFNESS = "testbed.parameters.stiffness"
 RANGE = {STIFFNESS: [0.5, 2.0]}  # of the benchmark of Wie and Bernstein
+PLENTY = 3600.0  # processor time that no machine needs [s]
 
 
 @pytest.fixture(scope="module")
@@ -32,14 +33,14 @@ def plain() -> Analysis:
 
 
 def test_the_robust_design_is_certified_in_the_published_range() -> None:
-    found = fs.worst_case("acc_benchmark", RANGE, "robust", at=0.0)
+    found = fs.worst_case("acc_benchmark", RANGE, "robust", at=0.0, seconds=PLENTY)
     assert found.guaranteed
     assert found.gap < 0.05
     assert all(gain.found <= gain.bound < 1.05 * gain.found for gain in found.gains)
 
 
 def test_the_plain_design_is_refuted_at_the_right_value(plain: Analysis) -> None:
-    found = worst_case_of(trial("acc_benchmark"), plain, RANGE, seconds=20.0)
+    found = worst_case_of(trial("acc_benchmark"), plain, RANGE, PLENTY, ())
     assert not found.guaranteed
     unstable = present(found.unstable)
     assert unstable.values[0] == pytest.approx(0.584, abs=0.001)
@@ -54,7 +55,7 @@ def test_the_plain_design_is_refuted_at_the_right_value(plain: Analysis) -> None
 
 def test_two_parameters_are_enclosed_by_a_grid(plain: Analysis) -> None:
     vary: Vary = {STIFFNESS: [0.7, 1.8], "gain": 0.3}
-    found = worst_case_of(trial("acc_benchmark"), plain, vary, seconds=20.0)
+    found = worst_case_of(trial("acc_benchmark"), plain, vary, PLENTY, ())
     assert found.certified > 0.0
     assert found.gap < 0.05
     varied, box = varied_loop(trial("acc_benchmark"), plain, vary), box_of(found.parameters)
@@ -72,7 +73,7 @@ def test_six_parameters_are_bounded_within_ten_per_cent() -> None:
         **{f"testbed.parameters.{key}": share for key, share in near.items()},
     }  # fmt: skip
     analysis = loop_analysis(trial("acc_benchmark"), "here", "robust", 0.0)
-    found = worst_case_of(trial("acc_benchmark"), analysis, vary)
+    found = worst_case_of(trial("acc_benchmark"), analysis, vary, PLENTY, ())
     assert found.certified > 0.0
     assert found.unstable is None or found.gap < 0.1
 
@@ -118,6 +119,22 @@ def test_what_is_not_understood_is_refused(
 ) -> None:
     with pytest.raises(BadInput, match=words):
         worst_case_of(trial("acc_benchmark"), plain, vary)
+
+
+def test_a_guarantee_without_time_keeps_what_it_has(plain: Analysis) -> None:
+    found = worst_case_of(trial("acc_benchmark"), plain, RANGE, seconds=0.0)
+    assert not found.guaranteed
+    assert found.gains == ()
+    assert found.verdict.startswith("not certified: no time")
+
+
+@pytest.mark.parametrize(("name", "exact"), [("gain", True), ("stiffness", False)])
+def test_a_fit_is_exact_where_the_loop_is_affine(plain: Analysis, name: str, exact: bool) -> None:
+    found = worst_case_of(trial("acc_benchmark"), plain, {name: 0.1}, 0.0, ())
+    assert found.fit.exact is exact
+    assert found.fit.words.startswith("exact" if exact else "largest error")
+    model = fs.uncertain_model("acc_benchmark", {name: 0.1})
+    assert repr(model).endswith("exact>") is exact
 
 
 def test_an_uncertain_model_is_the_sampled_plant_at_every_value(tmp_path: Path) -> None:

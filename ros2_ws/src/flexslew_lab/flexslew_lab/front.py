@@ -191,6 +191,7 @@ def worst_case(
     vary: Vary | None = None,
     controller: str | None = None,
     at: float | str | None = None,
+    seconds: float = 60.0,
     **joints: float | str,
 ) -> WorstCase:
     """Return bounds of stability and of S and T over all values of uncertain parameters.
@@ -200,6 +201,7 @@ def worst_case(
         vary: as for `uncertain_model`; None: stiffness and payload +-20 %.
         controller: as for `analyse`.
         at: as for `analyse`.
+        seconds: of the processor for all of it.
         **joints: as for `analyse`.
 
     Raises:
@@ -210,7 +212,7 @@ def worst_case(
     given = trial_from(what)
     found = analyse(given, controller, at, **joints)
     with display_library_progress(given.name, words="bounding the worst case"):
-        return worst_case_of(given, found, vary)
+        return worst_case_of(given, found, vary, seconds)
 
 
 def gains(

@@ -16,7 +16,7 @@ from flexslew_plant.yaml_data import yaml_text
 
 _T = TypeVar("_T")
 _Place = tuple[Any, ...]  # keys and places in lists, from the top on
-_ADAPTERS: dict[type, TypeAdapter[Any]] = {}
+_ADAPTERS: dict[Any, TypeAdapter[Any]] = {}
 _CONTAINERS = (dict, list, tuple)
 _SCALARS = frozenset((float, int, str, type(None)))
 
@@ -119,12 +119,14 @@ def plain(section_value: Any) -> Any:
 
 
 def _adapter(kind: Any) -> TypeAdapter[Any]:
-    """Return what checks a type; that of a section is made once."""
-    if not isinstance(kind, type):
+    """Return what checks a type; it is made once, unless the type has no hash."""
+    try:
+        known = _ADAPTERS.get(kind)
+    except TypeError:
         return TypeAdapter(kind)
-    if kind not in _ADAPTERS:
-        _ADAPTERS[kind] = TypeAdapter(kind)
-    return _ADAPTERS[kind]
+    if known is None:
+        known = _ADAPTERS[kind] = TypeAdapter(kind)
+    return known
 
 
 def flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -1,4 +1,4 @@
 """Worst case over a box of uncertain parameters: a certificate, and the loop that breaks it.
 
-Offers: bounds, flight, parameters, tables, uncertain_model, worst_case.
+Offers: bounds, flight, parameters, situation, tables, uncertain_model, worst_case.
 """

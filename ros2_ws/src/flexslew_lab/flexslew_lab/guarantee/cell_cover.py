@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_lab.guarantee.box import Box, corners
+from flexslew_lab.guarantee.deadline import require_time
 from flexslew_lab.guarantee.dynamics_fit import DynamicsFit, dynamics_fit
 from flexslew_lab.guarantee.modal_cell import ModalCell, modal_cell, radius_of
 from flexslew_plant.arrays import Matrix, Vector
@@ -68,7 +69,7 @@ def cover_by_cells(
         seconds: that the search may take; it ends early where it would take longer.
 
     Raises:
-        ValueError: if the size of A differs within the box.
+        BadInput: if the size of A differs within the box.
     """
     box, m, start = whole.box, len(whole.box.centre), thread_time()
     waiting = [(whole, np.zeros(m), np.ones(m))]
@@ -99,19 +100,23 @@ def cover_by_cells(
 
 
 def failed_check(
-    dynamics: Callable[[Vector], Matrix], cells: Sequence[Cell], box: Box
+    dynamics: Callable[[Vector], Matrix], cells: Sequence[Cell], box: Box, end: float = np.inf
 ) -> Vector | None:
     """Return values at which cells do not hold, or None: an independent check.
 
     The cells have the volume of the box, and random points and corners of it are in one. In each
     cell A itself, not its fit, has blocks within the norms, and these a positive vector d with
     M d < d, which bounds the spectral radius (Collatz and Wielandt).
+
+    Raises:
+        OutOfTimeError: if it is not done at the end, as time.thread_time counts [s].
     """
     missing = uncovered([cell.box for cell in cells], box)
     if missing is not None:
         return missing
     rng, m = np.random.default_rng(5), len(box.centre)
     for cell in cells:
+        require_time(end)
         size = len(cell.norms)
         weight = np.linalg.solve((1.0 + _FLOOR) * np.eye(size) - cell.norms, np.ones(size))
         if not ((weight > 0.0) & (cell.norms @ weight < weight)).all():
@@ -132,10 +137,10 @@ def uncovered(cells: Sequence[Box], box: Box) -> Vector | None:
         values = box.at(delta)
         if not ((low <= values) & (values <= high)).all(axis=1).any():
             return values
-    return None if abs(_share(cells, box) - 1.0) < 1e-6 else box.centre
+    return None if abs(share_of(cells, box) - 1.0) < 1e-6 else box.centre
 
 
-def _share(cells: Sequence[Box], box: Box) -> float:
+def share_of(cells: Sequence[Box], box: Box) -> float:
     """Return the volume of cells, of that of the box."""
     return sum(float(np.prod(cell.radius / box.radius)) for cell in cells)
 
@@ -151,7 +156,7 @@ def is_hopeless(cells: Sequence[Box], box: Box, start: float, seconds: float) ->
     """
     spent = thread_time() - start
     return spent > seconds or (
-        spent > _JUDGED * seconds and _share(cells, box) < _JUDGED * spent / seconds
+        spent > _JUDGED * seconds and share_of(cells, box) < _JUDGED * spent / seconds
     )
 
 

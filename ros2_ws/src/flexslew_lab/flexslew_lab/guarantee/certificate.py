@@ -7,86 +7,39 @@ state space at other frequencies, and the poles of the sampled loop itself at co
 points of every part.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from time import thread_time
-from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import schur, solve_sylvester
 
-from flexslew_lab.guarantee.box import Box, corners
-from flexslew_lab.guarantee.cell_cover import Cell, cover_by_cells, failed_check, uncovered
-from flexslew_lab.guarantee.dynamics_fit import DynamicsFit, dynamics_fit
-from flexslew_lab.guarantee.fractional import Fractional, fractional_over
-from flexslew_lab.guarantee.frequency_cover import Arc, LoopChannels, cover
-from flexslew_lab.guarantee.gain_cells import (
-    BoundedCell,
-    bounded_cells,
-    exceeding,
-    system_fit,
+from flexslew_lab.guarantee.box import corners
+from flexslew_lab.guarantee.cell_cover import (
+    Cell,
+    cover_by_cells,
+    failed_check,
+    share_of,
+    uncovered,
 )
-from flexslew_lab.guarantee.scalings import DeltaBlocks, Scalings
+from flexslew_lab.guarantee.deadline import OutOfTimeError, require_time
+from flexslew_lab.guarantee.frequency_cover import Arc, LoopChannels, cover
+from flexslew_lab.guarantee.gain_cells import BoundedCell, bounded_cells, exceeding
+from flexslew_lab.guarantee.scalings import MOST_UNKNOWNS, Scalings
+from flexslew_lab.guarantee.system_fit import system_fit
+from flexslew_lab.guarantee.uncertain_loop import (
+    GainLimit,
+    UncertainLoop,
+    channels_of,
+    structure,
+)
 from flexslew_plant.arrays import Matrix, Vector
 
 _HALF = 0.5
 _ATTEMPTS = 4  # of the time that is left, for one part
-_LIGHT = 0.01  # damping ratio
-_RIGID = 1e-9  # distance from the unit circle of a pole that the loop does not show
+_LIGHT, _RIGID = 0.01, 1e-9  # damping ratio; modulus of a pole that decays at once
 _SLOW = 0.2  # of a pole's angle: a pole nearer to the circle is one of the first frequencies
-_CELLS_PARAMETERS, _CELLS_SHARE = 3, 0.8  # most parameters, and share of the time, for cells
+_CELLS_PARAMETERS, _CELLS_SHARE = 3, 0.7  # most parameters, and share of the time, for cells
 _PER_ARC, _POINTS, _MOST_CORNERS = 3, 8, 64
-
-
-class GainLimit(NamedTuple):
-    """A gain to be bounded: of the system from its inputs to its outputs.
-
-    Args:
-        bound: largest singular value allowed [-].
-        complement: whether it is of one minus the system, as S of -T.
-    """
-
-    bound: float
-    complement: bool = False
-
-
-@dataclass(frozen=True)
-class UncertainLoop:
-    """The closed sampled loop as a linear fractional form over a box.
-
-    Args:
-        box: of the parameters.
-        form: of S = [[A, B], [C, D]], balanced.
-        states: number of states.
-        exact: S at values, from the equations.
-        stable: whether the loop is, at values.
-    """
-
-    box: Box
-    form: Fractional
-    states: int
-    exact: Callable[[Vector], Matrix]
-    stable: Callable[[Vector], bool]
-
-    def dynamics(self, values: Vector) -> Matrix:
-        """Return A at values of the parameters, shape (states, states)."""
-        return self.exact(values)[: self.states, : self.states]
-
-    @cached_property
-    def fit(self) -> DynamicsFit:
-        """A over the box, without hidden motions."""
-        return dynamics_fit(self.dynamics, self.box)
-
-    def halves(self, axis: int) -> "list[UncertainLoop]":
-        """Return the loop over both halves of its box, fitted again, across a parameter."""
-        out = []
-        for side in (-0.5, 0.5):
-            centre, radius = self.box.centre.copy(), self.box.radius.copy()
-            centre[axis] += side * radius[axis]
-            radius[axis] *= 0.5
-            out.append(uncertain_loop(Box(centre, radius), self.states, self.exact, self.stable))
-        return out
+_CHECK_SECONDS = 5.0  # in addition, of what is proved by scalings
 
 
 @dataclass(frozen=True)
@@ -106,34 +59,20 @@ class Certificate:
         unstable: values at which the loop is not stable, or None.
         open_at: angle of z without scalings in the last part [rad], or None.
         checked: points at which the independent check has agreed; 0: not checked.
+        ended: what was reached where the time or the size has ended the search, else empty.
     """
 
     parts: tuple[CertifiedPart | Cell | BoundedCell, ...]
     unstable: Vector | None = None
     open_at: float | None = None
     checked: int = 0
+    ended: str = ""
 
     @property
     def holds(self) -> bool:
         """Whether the whole box is proved, and checked."""
-        return self.unstable is None and self.open_at is None and self.checked > 0
-
-
-def uncertain_loop(
-    box: Box, states: int, exact: Callable[[Vector], Matrix], stable: Callable[[Vector], bool]
-) -> UncertainLoop:
-    """Return the linear fractional form of a loop over a box.
-
-    Args:
-        box: of the parameters.
-        states: number of states.
-        exact: [[A, B], [C, D]] at values, shape (states + outputs, states + inputs).
-        stable: whether the loop is, at values.
-
-    Raises:
-        BadInput: see fractional_over.
-    """
-    return UncertainLoop(box, fractional_over(exact, box), states, exact, stable)
+        is_open = self.unstable is not None or self.open_at is not None or bool(self.ended)
+        return not is_open and self.checked > 0
 
 
 def certify(
@@ -145,13 +84,30 @@ def certify(
         loop: over its box.
         gain: to be bounded, or None.
         parts: largest number of parts of the box.
-        seconds: after which no part is divided any more; the certificate then names what is open.
+        seconds: of the processor for all of it; the certificate then names what is open.
     """
-    end = thread_time() + seconds
+    end, by_cells = thread_time() + seconds, ""
     if len(loop.box.centre) <= _CELLS_PARAMETERS and (gain is None or _is_light(loop)):
-        by_cells = _certified_by_cells(loop, gain, _CELLS_SHARE * seconds)
-        if by_cells is not None:
-            return by_cells
+        try:
+            found = _certified_by_cells(loop, gain, _CELLS_SHARE * seconds, end)
+        except OutOfTimeError:
+            found = Certificate((), ended="the check of the cells")
+        if found.holds or found.unstable is not None:
+            return found
+        by_cells = f"{found.ended}; "
+    if thread_time() > end:
+        return Certificate((), ended=f"{by_cells}no time for scalings")
+    unknowns = structure(loop, gain).unknowns
+    if unknowns > MOST_UNKNOWNS:
+        size = f"{loop.states} states and {len(loop.box.centre)} parameters"
+        words = f"{by_cells}{unknowns} scalings of {size} are too many (at most {MOST_UNKNOWNS})"
+        return Certificate((), ended=words)
+    return _certified_by_scalings(loop, gain, parts, end)
+
+
+def _certified_by_scalings(
+    loop: UncertainLoop, gain: GainLimit | None, parts: int, end: float
+) -> Certificate:
     waiting: list[tuple[UncertainLoop, list[float]]] = [(loop, [])]
     proved: list[CertifiedPart] = []
     while waiting:
@@ -165,10 +121,14 @@ def certify(
             proved.append(CertifiedPart(part, found.arcs))
             continue
         if len(proved) + len(waiting) + 2 > parts or thread_time() > end:
-            return Certificate(tuple(proved), open_at=found.open_at)
+            words = f"{len(proved)} of {len(proved) + len(waiting) + 1} parts of the box are proved"
+            return Certificate(tuple(proved), open_at=found.open_at, ended=words)
         axis = _axis(channels, scalings, found.open_at, part.form.sizes)
         waiting += [(half, [found.open_at]) for half in part.halves(axis)]
-    return checked(tuple(proved), gain)
+    try:
+        return checked(tuple(proved), gain, end + _CHECK_SECONDS)
+    except OutOfTimeError:
+        return Certificate(tuple(proved), ended="the check of the parts")
 
 
 def _is_light(loop: UncertainLoop) -> bool:
@@ -179,31 +139,43 @@ def _is_light(loop: UncertainLoop) -> bool:
 
 
 def _certified_by_cells(
-    loop: UncertainLoop, gain: GainLimit | None, seconds: float
-) -> Certificate | None:
-    """Return a checked certificate by cells, an unstable loop, or None: neither."""
+    loop: UncertainLoop, gain: GainLimit | None, seconds: float, end: float
+) -> Certificate:
+    """Return a checked certificate by cells, an unstable loop, or how far the cells reach.
+
+    Raises:
+        OutOfTimeError: if the check is not done at the end.
+    """
     if gain is not None:
         fit, n = system_fit(loop.exact, loop.box, loop.fit.shown), loop.states
-        cells = bounded_cells(fit, gain.complement, gain.bound, seconds)
-        if cells is None or uncovered([cell.box for cell in cells], loop.box) is not None:
-            return None
-        if exceeding(loop.exact, n, gain.complement, gain.bound, cells) is not None:
-            return None
-        return _with_stable_points(loop, cells)
+        bounded = bounded_cells(fit, gain.complement, gain.bound, seconds)
+        if bounded is None or uncovered([cell.box for cell in bounded], loop.box) is not None:
+            return Certificate((), ended="no cells have this bound")
+        if exceeding(loop.exact, n, gain.complement, gain.bound, bounded, end) is not None:
+            return Certificate((), ended="a check exceeds the bound")
+        return _with_stable_points(loop, bounded, end)
     found = cover_by_cells(loop.dynamics, loop.stable, loop.fit, seconds)
     if found.unstable is not None:
         return Certificate(found.cells, unstable=found.unstable)
-    if not found.complete or failed_check(loop.dynamics, found.cells, loop.box) is not None:
-        return None
-    return _with_stable_points(loop, found.cells)
+    if not found.complete:
+        share = 100.0 * share_of([cell.box for cell in found.cells], loop.box)
+        return Certificate((), ended=f"{len(found.cells)} cells reach {share:.2g} % of the box")
+    if failed_check(loop.dynamics, found.cells, loop.box, end) is not None:
+        return Certificate((), ended="a check refutes a cell")
+    return _with_stable_points(loop, found.cells, end)
 
 
 def _with_stable_points(
-    loop: UncertainLoop, cells: tuple[Cell, ...] | tuple[BoundedCell, ...]
+    loop: UncertainLoop, cells: tuple[Cell, ...] | tuple[BoundedCell, ...], end: float
 ) -> Certificate:
-    """Return the certificate of cells after a check of the sampled loop at points of each."""
+    """Return the certificate of cells after a check of the sampled loop at points of each.
+
+    Raises:
+        OutOfTimeError: if it is not done at the end.
+    """
     rng, count = np.random.default_rng(3), 0
     for cell in cells:
+        require_time(end)
         for delta in _check_points(len(loop.box.centre), len(cells), rng):
             if not loop.stable(cell.box.at(delta)):
                 return Certificate(cells, unstable=cell.box.at(delta))
@@ -221,14 +193,20 @@ def _check_points(m: int, parts: int, rng: np.random.Generator) -> Matrix:
     return np.vstack((outer, inner)) * (1.0 - 1e-6)
 
 
-def checked(parts: tuple[CertifiedPart, ...], gain: GainLimit | None) -> Certificate:
+def checked(
+    parts: tuple[CertifiedPart, ...], gain: GainLimit | None, end: float = np.inf
+) -> Certificate:
     """Return the certificate of parts after the independent check; one that fails names where.
 
     Per part: Phi of all states at angles within each arc, that arcs leave no angle out, and the
     poles of the sampled loop at corners and random points.
+
+    Raises:
+        OutOfTimeError: if it is not done at the end, as time.thread_time counts [s].
     """
     certificate, rng, count = Certificate(parts), np.random.default_rng(3), 0
     for part in parts:
+        require_time(end)
         loop, m = part.loop, len(part.loop.box.centre)
         whole = channels_of(loop, gain, reduced=False)
         reached = 0.0
@@ -249,59 +227,6 @@ def checked(parts: tuple[CertifiedPart, ...], gain: GainLimit | None) -> Certifi
                 return replace(certificate, unstable=values)
             count += 1
     return replace(certificate, checked=count)
-
-
-def channels_of(
-    loop: UncertainLoop, gain: GainLimit | None = None, reduced: bool = True
-) -> LoopChannels:
-    """Return the loop from w to v over its box, the gain's channels last.
-
-    Args:
-        loop: over its box.
-        gain: whose channels are a further full block, or None.
-        reduced: whether rigid motions that no channel shows are left out.
-    """
-    form, n = loop.form, loop.states
-    s = form.constant
-    b, c, d = form.left[:n], form.right[:, :n], form.inner
-    if gain is not None:
-        direct = s[n:, n:]
-        if gain.complement:
-            direct = np.eye(len(direct)) + direct
-        b = np.hstack((b, s[:n, n:]))
-        c = np.vstack((c, s[n:, :n] / gain.bound))
-        d = np.block([[d, form.right[:, n:]],
-                      [form.left[n:] / gain.bound, direct / gain.bound]])  # fmt: skip
-    if not reduced:
-        return LoopChannels(s[:n, :n], b, c, d)
-    return _reduced(LoopChannels(s[:n, :n], b, c, d))
-
-
-def _reduced(whole: LoopChannels) -> LoopChannels:
-    """Return the channels without poles on the circle, rigid motions that the loop does not show.
-
-    A real Schur form puts them last, and Sylvester's equation separates them.
-    """
-    a, basis, kept = schur(whole.a, sort=_decays)
-    if kept == len(a):
-        return whole
-    coupling = solve_sylvester(a[:kept, :kept], -a[kept:, kept:], -a[:kept, kept:])
-    b, c = basis.T @ whole.b, whole.c @ basis
-    return LoopChannels(a[:kept, :kept], b[:kept] - coupling @ b[kept:], c[:, :kept], whole.d)
-
-
-def _decays(real: float, imaginary: float = 0.0) -> bool:
-    return abs(complex(real, imaginary)) < 1.0 - _RIGID
-
-
-def structure(loop: UncertainLoop, gain: GainLimit | None = None) -> DeltaBlocks:
-    """Return the blocks of the loop, and of a gain."""
-    form = loop.form
-    full = (form.error,) if any(form.error) else ()
-    if gain is not None:
-        rows, columns = form.constant.shape
-        full = (*full, (columns - loop.states, rows - loop.states))
-    return DeltaBlocks(form.sizes, full)
 
 
 def _critical(a: Matrix) -> list[float]:

@@ -9,7 +9,7 @@ from scipy.linalg import null_space, schur
 from flexslew_control.analysis.loop import Complex
 from flexslew_lab.guarantee.box import Box
 from flexslew_lab.guarantee.modal_cell import MatrixTerms, terms_of
-from flexslew_lab.guarantee.polynomial import checks, polynomial_over
+from flexslew_lab.guarantee.polynomial import FitError, checks, fit_error, polynomial_over
 from flexslew_plant.arrays import Matrix, Vector
 
 _FIT = 1e-11  # error at which the fit ends, of the largest entry [-]
@@ -26,12 +26,14 @@ class DynamicsFit(NamedTuple):
         shown: orthonormal rows that leave hidden rigid motions out, shape (k, n).
         terms: of shown A shown^T in normalised coordinates.
         error: of each entry, measured and doubled.
+        quality: of the fit before hidden motions are left out.
     """
 
     box: Box
     shown: Matrix
     terms: MatrixTerms
     error: float
+    quality: FitError
 
     def poles(self, delta: Matrix) -> Complex:
         """Return the poles in z at normalised coordinates, shape (points, m), one row for each."""
@@ -47,21 +49,18 @@ def dynamics_fit(dynamics: Callable[[Vector], Matrix], box: Box) -> DynamicsFit:
         box: of the parameters.
 
     Raises:
-        ValueError: if the size of A differs within the box.
+        BadInput: if the size of A differs within the box.
     """
     samples = checks(dynamics, box)
     fitted = polynomial_over(dynamics, box, samples, _FIT)
-    error = _SAFETY * max(
-        float(abs(fitted.at(d) - s).max())
-        for d, s in zip(samples.delta, samples.values, strict=True)
-    )
+    quality = fit_error(fitted, samples)
     terms = terms_of(fitted)
     shown = np.eye(terms.matrices.shape[1])
     for transposed in (False, True):
         shown = _without_hidden(shown, terms, transposed) @ shown
     return DynamicsFit(
         box, shown, MatrixTerms(terms.exponents, shown @ terms.matrices @ shown.T),
-        error * len(terms.matrices[0]),
+        _SAFETY * quality.largest * len(terms.matrices[0]), quality,
     )  # fmt: skip
 
 

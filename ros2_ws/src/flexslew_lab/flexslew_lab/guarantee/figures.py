@@ -4,9 +4,16 @@ from time import thread_time
 
 import numpy as np
 
-from flexslew_lab.guarantee.certificate import GainLimit, UncertainLoop, channels_of, structure
+from flexslew_lab.guarantee.deadline import OutOfTimeError
 from flexslew_lab.guarantee.frequency_cover import peak
 from flexslew_lab.guarantee.response import grid_of, response_at, sample_points, sizes
+from flexslew_lab.guarantee.scalings import MOST_UNKNOWNS
+from flexslew_lab.guarantee.uncertain_loop import (
+    GainLimit,
+    UncertainLoop,
+    channels_of,
+    structure,
+)
 from flexslew_lab.guarantee.varied_loop import VariedLoop
 from flexslew_lab.guarantee.worst_case import RESPONSES, DisturbanceResponse, WorstCase
 from flexslew_lab.report.panels import Group, Panel, legend, style
@@ -20,7 +27,7 @@ _TOP, _BOTTOM = 60.0, -120.0  # of the bands [dB]
 
 def worst_case_figures(found: WorstCase, varied: VariedLoop) -> list[Section]:
     """Return the curve of mu and the bands of the responses of a certified worst case."""
-    return [_mu(found, varied), *_bands(found, varied)]
+    return [*_mu(found, varied), *_bands(found, varied)]
 
 
 def upper_bounds(loop: UncertainLoop, seconds: float = _SECONDS) -> Matrix:
@@ -28,20 +35,24 @@ def upper_bounds(loop: UncertainLoop, seconds: float = _SECONDS) -> Matrix:
 
     Args:
         loop: over its box.
-        seconds: after which no frequency is added; those that are done are spread evenly.
+        seconds: after which no frequency is added; those that are done are spread evenly. None are
+            done where the scalings are too many.
     """
     channels, blocks, end = channels_of(loop), structure(loop), thread_time() + seconds
+    if blocks.unknowns > MOST_UNKNOWNS:
+        return np.zeros((2, 0))
     angles = grid_of(channels.a)
     few = angles[np.unique(np.linspace(0, len(angles) - 1, _CURVE).astype(int))]
     done: list[tuple[float, float]] = []
     for k in sorted(range(len(few)), key=lambda k: bin(k)[:1:-1]):  # halves, then quarters, ...
-        if thread_time() > end and done:
+        try:
+            done.append((float(few[k]), peak(channels, blocks, float(few[k]), 0.05, end)))
+        except OutOfTimeError:
             break
-        done.append((float(few[k]), peak(channels, blocks, float(few[k]), accuracy=0.05)))
-    return np.array(sorted(done)).T
+    return np.array(sorted(done)).reshape(-1, 2).T
 
 
-def lower_bounds(loop: UncertainLoop, scale: float) -> Matrix:
+def lower_bounds(loop: UncertainLoop, scale: float, seconds: float = _SECONDS) -> Matrix:
     """Return angles [rad] and lower bounds of mu, shape (2, k): loops with a pole on the circle.
 
     On rays from the centre to the side of the box, the first of a few points that is not stable.
@@ -49,9 +60,12 @@ def lower_bounds(loop: UncertainLoop, scale: float) -> Matrix:
     Args:
         loop: over a box about the same centre as the ranges.
         scale: of this box, of the ranges.
+        seconds: after which no ray is added.
     """
-    steps, found = np.linspace(0.0, 1.0, _RAY + 1), []
+    steps, found, end = np.linspace(0.0, 1.0, _RAY + 1), [], thread_time() + seconds
     for ray in sample_points(loop)[1:]:
+        if thread_time() > end:
+            break
         side = ray / abs(ray).max()
         z = loop.fit.poles(steps[:, None] * side)
         outside = np.flatnonzero(abs(z).max(axis=1) > 1.0)
@@ -62,32 +76,35 @@ def lower_bounds(loop: UncertainLoop, scale: float) -> Matrix:
     return np.array(sorted(found)).reshape(-1, 2).T
 
 
-def _mu(found: WorstCase, varied: VariedLoop) -> Group:
+def _mu(found: WorstCase, varied: VariedLoop) -> list[Group]:
     angle, upper = upper_bounds(varied.over(found.box))
     panel = Panel("mu over the ranges", "-", height=200)
-    panel.line(angle / found.period, upper, "upper bound at this frequency", style(0))
-    names = ["upper bound at this frequency"]
+    names = list[str]()
+    if angle.size:
+        panel.line(angle / found.period, upper, "upper bound at this frequency", style(0))
+        names.append("upper bound at this frequency")
     w, lower = lower_bounds(varied.over(found.box.scaled(found.searched)), found.searched)
     if found.unstable is not None:
         w, lower = np.append(w, found.unstable.angle), np.append(lower, 1.0 / found.unstable.scale)
     if w.size:
         panel.line(w / found.period, lower, "lower bound", style(1), mode="markers")
         names.append("lower bound")
-    if found.certified > 0.0:
+    if found.certified > 0.0 and angle.size:
         everywhere = np.full(angle.size, 1.0 / found.certified)
         panel.line(angle / found.period, everywhere, "upper bound at all frequencies", style(2))
         names.append("upper bound at all frequencies")
     panel.limits = (1.0,)
-    _over_frequency(panel, angle / found.period)
+    if not (angle.size or w.size):
+        return []
+    _over_frequency(panel, np.sort(np.append(angle, w)) / found.period)
     words = (
         "Below one: every loop within the ranges is stable at this frequency. Mu of real "
         "parameters jumps where a loop has a pole on the circle, also between the frequencies of "
-        "the curve; "
-        "the line of all frequencies bounds it there. The curve is of the undivided box: where it "
-        "is above the line, parts of the box decide. Each lower bound is a loop with a pole at "
-        "this frequency that is not stable."
+        "the curve; the line of all frequencies bounds it there. The curve is of the undivided "
+        "box: where it is above the line, parts of the box decide. Each lower bound is a loop "
+        "with a pole at this frequency that is not stable."
     )
-    return Group("Structured singular value", words, [panel], legend(names))
+    return [Group("Structured singular value", words, [panel], legend(names))]
 
 
 def _bands(found: WorstCase, varied: VariedLoop) -> list[Group]:

@@ -21,7 +21,6 @@ from flexslew_lab.guarantee.polynomial import (
     polynomial_over,
 )
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.errors import BadInput
 
 _RANK = 3e-8  # of the largest entry: what is less is left to the error
 _ROUNDING = 1e-13  # of an error, of the largest entry
@@ -51,6 +50,11 @@ class Fractional:
     error: tuple[int, int] = (0, 0)
     largest_error: float = 0.0
 
+    @property
+    def exact(self) -> bool:
+        """Whether S is affine in all parameters, and the error of the fit rounding."""
+        return not self.inner.any() and not any(self.error)
+
     def at(self, delta: Vector) -> Matrix:
         """Return S at normalised coordinates, shape (m,), the error zero."""
         each = np.repeat(delta, self.sizes)
@@ -66,12 +70,8 @@ def fractional_over(function: Callable[[Vector], Matrix], box: Box) -> Fractiona
     Raises:
         BadInput: if the size of the matrix differs within the box, as of a delay over whole ticks.
     """
-    try:
-        samples = checks(function, box)
-        return fractional_form(polynomial_over(function, box, samples), samples)
-    except ValueError as error:
-        why = "the number of states changes within these ranges; keep a delay between whole ticks"
-        raise BadInput(why, key="vary") from error
+    samples = checks(function, box)
+    return fractional_form(polynomial_over(function, box, samples), samples)
 
 
 def fractional_form(polynomial: Polynomial, samples: MatrixSamples) -> Fractional:

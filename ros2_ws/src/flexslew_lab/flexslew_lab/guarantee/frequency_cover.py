@@ -8,13 +8,14 @@ practical algorithms, International Journal of Robust and Nonlinear Control 13, 
 """
 
 from dataclasses import dataclass
-from time import thread_time
 
 import numpy as np
 
 from flexslew_control.analysis.loop import Complex
 from flexslew_control.analysis.lti import transfer
-from flexslew_lab.guarantee.scalings import DeltaBlocks, Multiplier, Scalings
+from flexslew_lab.guarantee.deadline import OutOfTimeError
+from flexslew_lab.guarantee.delta_blocks import DeltaBlocks, Multiplier
+from flexslew_lab.guarantee.scalings import Scalings
 from flexslew_plant.arrays import Matrix, Vector
 
 _AXIS = 1e-3  # real part, of an eigenvalue's size, at which it may be on the axis
@@ -95,8 +96,11 @@ def cover(
             angle = _middle(low, high)
         else:
             queue.remove(angle)
-        found = scalings.multiplier(channels.at(angle))
-        if found is None or thread_time() > end:
+        try:
+            found = scalings.multiplier(channels.at(angle), end)
+        except OutOfTimeError:
+            found = None
+        if found is None:
             return Cover(tuple(arcs), angle)
         try:
             arc = _arc(channels, continuous, found, angle)
@@ -176,7 +180,11 @@ def _hamiltonian_eigenvalues(system: LoopChannels, multiplier: Multiplier) -> Co
 
 
 def peak(
-    channels: LoopChannels, blocks: DeltaBlocks, angle: float, accuracy: float = 0.02
+    channels: LoopChannels,
+    blocks: DeltaBlocks,
+    angle: float,
+    accuracy: float = 0.02,
+    end: float = np.inf,
 ) -> float:
     """Return an upper bound of mu at an angle, by bisection of the scale of the real parameters.
 
@@ -188,6 +196,10 @@ def peak(
         blocks: structure.
         angle: of z [rad].
         accuracy: relative [-].
+        end: of the search, as time.thread_time counts [s].
+
+    Raises:
+        OutOfTimeError: after it.
     """
     m, real = channels.at(angle), sum(blocks.real)
     scalings = Scalings(blocks)
@@ -195,7 +207,7 @@ def peak(
     def harmless(scale: float) -> bool:
         gain = np.ones(m.shape[1])
         gain[:real] = scale
-        return scalings.multiplier(m * gain) is not None
+        return scalings.multiplier(m * gain, end) is not None
 
     low, high = 1e-3, 1e3
     while high / low > 1.0 + accuracy:

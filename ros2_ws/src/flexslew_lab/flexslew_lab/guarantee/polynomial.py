@@ -8,12 +8,14 @@ import numpy as np
 
 from flexslew_lab.guarantee.box import Box, corners
 from flexslew_plant.arrays import Matrix, Tensor, Vector
+from flexslew_plant.errors import BadInput
 
 Power = tuple[int, ...]  # numbers of the parameters in a product, in ascending order
 
 EXACT = 1e-8  # error at which a fit ends, of the largest entry [-]
 _MOST_TERMS = 130
 _DEGREE = 8
+_ROUNDING = 1e-13  # of the largest entry
 _SPREAD = 1.6  # points of a fit for each term
 _INSIDE = 1.0 - 1e-6  # a delay changes the number of states at whole ticks, the sides of a box
 _CHECKS, _MOST_CORNERS = 24, 64
@@ -43,13 +45,26 @@ class MatrixSamples(NamedTuple):
 
 
 def checks(function: Callable[[Vector], Matrix], box: Box, seed: int = 2) -> MatrixSamples:
-    """Return a matrix at corners of a box, and at random points within."""
+    """Return a matrix at corners of a box, and at random points within.
+
+    Raises:
+        BadInput: if its size differs within the box, as of a delay over whole ticks.
+    """
     rng, m = np.random.default_rng(seed), len(box.centre)
     outer = corners(m)
     if len(outer) > _MOST_CORNERS:
         outer = outer[rng.choice(len(outer), _MOST_CORNERS, replace=False)]
     delta = _INSIDE * np.vstack((outer, rng.uniform(-1.0, 1.0, (_CHECKS, m))))
-    return MatrixSamples(delta, np.array([function(box.at(d)) for d in delta]))
+    values = [function(box.at(d)) for d in delta]
+    if len({value.shape for value in values}) > 1:
+        raise size_differs()
+    return MatrixSamples(delta, np.array(values))
+
+
+def size_differs() -> BadInput:
+    """Return the error of a loop whose number of states differs within a box."""
+    why = "the number of states changes within these ranges; keep a delay between whole ticks"
+    return BadInput(why, key="vary")
 
 
 def polynomial_over(
@@ -85,15 +100,44 @@ def polynomial_over(
         fitted = Polynomial(
             {p: row.reshape(values[0].shape) for p, row in zip(powers, found, strict=True)}, m
         )
-        error = max(
-            float(abs(fitted.at(d) - s).max())
-            for d, s in zip(samples.delta, samples.values, strict=True)
-        )
+        error = fit_error(fitted, samples).largest
         if error < least:
             best, least = fitted, error
         if least <= exact * scale:
             break
     return best
+
+
+class FitError(NamedTuple):
+    """Quality of a fit at points that it has not used.
+
+    Args:
+        largest: error of an entry.
+        points: their number.
+        exact: whether the polynomial is affine, and the error rounding.
+    """
+
+    largest: float
+    points: int
+    exact: bool
+
+    @property
+    def words(self) -> str:
+        """The quality in words."""
+        if self.exact:
+            return "exact: affine in all parameters"
+        return f"largest error {self.largest:.1e}, measured at {self.points} points"
+
+
+def fit_error(fitted: Polynomial, samples: MatrixSamples) -> FitError:
+    """Return the quality of a fit at points that it has not used."""
+    largest = max(
+        float(abs(fitted.at(d) - s).max())
+        for d, s in zip(samples.delta, samples.values, strict=True)
+    )
+    rounding = _ROUNDING * float(abs(samples.values).max())
+    affine = all(len(power) <= 1 for power in fitted.terms)
+    return FitError(largest, len(samples.delta), affine and largest <= rounding)
 
 
 def _product(delta: Vector, power: Power) -> float:

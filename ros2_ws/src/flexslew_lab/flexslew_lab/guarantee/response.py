@@ -1,12 +1,13 @@
 """Responses of the uncertain loop over frequency, at single points of its box."""
 
+from time import thread_time
 from typing import NamedTuple
 
 import numpy as np
 
 from flexslew_lab.guarantee.box import corners
-from flexslew_lab.guarantee.certificate import GainLimit, UncertainLoop
 from flexslew_lab.guarantee.frequency_cover import LoopChannels
+from flexslew_lab.guarantee.uncertain_loop import GainLimit, UncertainLoop
 from flexslew_plant.arrays import Matrix, Vector
 
 _GRID, _LOWEST = 80, 1e-4  # angles of z, the first one [rad]
@@ -32,9 +33,19 @@ def peak_at(loop: UncertainLoop, delta: Vector, gain: GainLimit) -> float:
     return float(sizes(system, grid_of(system.a)).max())
 
 
-def largest_peak(loop: UncertainLoop, gain: GainLimit) -> Peak:
-    """Return the largest peak at corners and random points of the box: a lower bound."""
-    peaks = [Peak(peak_at(loop, delta, gain), delta) for delta in sample_points(loop)]
+def largest_peak(loop: UncertainLoop, gain: GainLimit, end: float = np.inf) -> Peak:
+    """Return the largest peak at corners and random points of the box: a lower bound.
+
+    Args:
+        loop: over its box.
+        gain: whose peak it is.
+        end: of the search, as time.thread_time counts [s]; the centre is always tried.
+    """
+    peaks: list[Peak] = []
+    for delta in sample_points(loop):
+        peaks.append(Peak(peak_at(loop, delta, gain), delta))
+        if thread_time() > end:
+            break
     return max(peaks, key=lambda peak: peak.size)
 
 
@@ -49,7 +60,7 @@ def sample_points(loop: UncertainLoop) -> Matrix:
 
 def response_at(loop: UncertainLoop, delta: Vector, gain: GainLimit) -> LoopChannels:
     """Return S or -T at normalised coordinates."""
-    s, n = loop.form.at(delta), loop.states
+    s, n = loop.exact(loop.box.at(delta)), loop.states
     direct = s[n:, n:]
     if gain.complement:
         direct = np.eye(len(direct)) + direct

@@ -11,14 +11,14 @@ For one repeated real number, alone or with one full block, this is exact (Meins
 Fu, IEEE Transactions on Automatic Control 42, 1997).
 """
 
-from dataclasses import dataclass
-from itertools import pairwise
-
 import numpy as np
 
 from flexslew_control.analysis.loop import Complex
+from flexslew_lab.guarantee.deadline import require_time
+from flexslew_lab.guarantee.delta_blocks import DeltaBlocks, Multiplier, MultiplierBasis
 from flexslew_plant.arrays import Matrix, Vector
 
+MOST_UNKNOWNS = 500  # of an inequality: more take minutes
 _LEAST = 1e-7  # of the sum of the scalings: a smaller margin is none
 _ITERATIONS = 80
 _GROWTH, _LAST_PUSH = 10.0, 1e6
@@ -28,117 +28,26 @@ _NEAR_PATH = 0.5  # decrement of Newton's method [-]
 _BALANCING = 8
 
 
-@dataclass(frozen=True)
-class DeltaBlocks:
-    """Structure of Delta: w = Delta v.
-
-    Args:
-        real: size of each repeated real parameter.
-        full: rows (of w) and columns (of v) of each full complex block, behind them.
-    """
-
-    real: tuple[int, ...]
-    full: tuple[tuple[int, int], ...] = ()
-
-    def spans(self) -> list[tuple[slice, slice]]:
-        """Return the rows of w and of v of each block."""
-        w = np.cumsum([0, *self.real, *(block[0] for block in self.full)])
-        v = np.cumsum([0, *self.real, *(block[1] for block in self.full)])
-        return [
-            (slice(a, b), slice(c, d))
-            for (a, b), (c, d) in zip(pairwise(w.tolist()), pairwise(v.tolist()), strict=True)
-        ]
-
-
-@dataclass(frozen=True)
-class Multiplier:
-    """Pi of [v; w]* Pi [v; w] >= 0 for all w = Delta v in the box.
-
-    Args:
-        by_v: D on v, shape (v, v).
-        across: -j G, shape (v, w).
-        by_w: D on w, shape (w, w).
-    """
-
-    by_v: Complex
-    across: Complex
-    by_w: Complex
-
-    def phi(self, m: Complex) -> Complex:
-        """Return Phi of matrices M, shape (..., v, w): negative where Delta is harmless."""
-        star = np.conj(np.swapaxes(m, -1, -2))
-        mixed = star @ self.across
-        return np.asarray(
-            star @ self.by_v @ m + mixed + np.conj(np.swapaxes(mixed, -1, -2)) - self.by_w
-        )
-
-
-class _Basis:
-    """Basis matrices of D and G for a structure: the unknowns of the inequality."""
-
-    def __init__(self, blocks: DeltaBlocks) -> None:
-        spans = blocks.spans()
-        w, v = spans[-1][0].stop, spans[-1][1].stop
-        self.by_v: list[Complex] = []
-        self.across: list[Complex] = []
-        self.by_w: list[Complex] = []
-        for number, (in_w, in_v) in enumerate(spans):
-            if number >= len(blocks.real):
-                self._add(v, w, in_v, in_w, np.eye(in_v.stop - in_v.start),
-                          np.eye(in_w.stop - in_w.start))  # fmt: skip
-                continue
-            basis = _hermitian(blocks.real[number])
-            for one in basis:
-                self._add(v, w, in_v, in_w, one, one)
-            for one in basis:
-                self._add_across(v, w, in_v, in_w, one)
-        shape = len(self.by_v)
-        self.d = np.array(self.by_v).reshape(shape, v, v)
-        self.g = np.array(self.across).reshape(shape, v, w)
-        self.e = np.array(self.by_w).reshape(shape, w, w)
-        diagonal = [bool(np.diagonal(e).any()) for e in self.e]
-        self.start = np.where(diagonal, 1.0, 0.0)  # D = 1, G = 0
-        self.is_g = abs(self.g).sum(axis=(1, 2)) > 0.0
-
-    def _add(
-        self,
-        v: int,
-        w: int,
-        in_v: slice,
-        in_w: slice,
-        of_v: Complex | Matrix,
-        of_w: Complex | Matrix,
-    ) -> None:
-        d, e = np.zeros((v, v), complex), np.zeros((w, w), complex)
-        d[in_v, in_v], e[in_w, in_w] = of_v, of_w
-        self.by_v.append(d)
-        self.across.append(np.zeros((v, w), complex))
-        self.by_w.append(e)
-
-    def _add_across(self, v: int, w: int, in_v: slice, in_w: slice, one: Complex) -> None:
-        g = np.zeros((v, w), complex)
-        g[in_v, in_w] = -1j * one
-        self.by_v.append(np.zeros((v, v), complex))
-        self.across.append(g)
-        self.by_w.append(np.zeros((w, w), complex))
-
-
 class Scalings:
     """The inequality of one structure, for many matrices M."""
 
     def __init__(self, blocks: DeltaBlocks) -> None:
         self.blocks = blocks
-        self._basis = _Basis(blocks)
+        self._basis = MultiplierBasis(blocks)
 
-    def multiplier(self, m: Complex) -> Multiplier | None:
+    def multiplier(self, m: Complex, end: float = np.inf) -> Multiplier | None:
         """Return the scalings with the largest margin for M, or None: there are none.
 
         Args:
             m: shape (v, w).
+            end: of the search, as time.thread_time counts [s].
+
+        Raises:
+            OutOfTimeError: after it.
         """
         left, right = self.balance(m)
         try:
-            found = self._solve(left[:, None] * m / right)
+            found = self._solve(left[:, None] * m / right, end)
         except np.linalg.LinAlgError:  # the path has left the cone by rounding
             return None
         if found is None:
@@ -175,7 +84,7 @@ class Scalings:
                 w[in_w] *= factor
         return v, w
 
-    def _solve(self, m: Complex) -> Multiplier | None:
+    def _solve(self, m: Complex, end: float) -> Multiplier | None:
         """Return scalings with a margin t, Phi + t < 0, D > 0 and a fixed sum of D.
 
         Newton's method along the central path of the barrier -log det(-Phi - t) - log det D; it
@@ -197,6 +106,7 @@ class Scalings:
         constraints = sum(part.shape[1] for part in slopes)
         push, inside = constraints / (1.0 + abs(x[-1])), 0
         for _ in range(_ITERATIONS):
+            require_time(end)
             gradient, hessian = _barrier(x, slopes)
             gradient[-1] -= push
             gradient[:-1] += _G_COST * b.is_g * x[:-1]
@@ -229,18 +139,6 @@ class Scalings:
             by_v[in_v, in_v] += shift * np.eye(in_v.stop - in_v.start)
         made = Multiplier(by_v, across, by_w)
         return made if np.linalg.eigvalsh(made.phi(m))[-1] < 0.0 else None
-
-
-def _hermitian(size: int) -> list[Complex]:
-    """Return a basis of Hermitian matrices."""
-    out = []
-    for i in range(size):
-        for k in range(i + 1):
-            for value in (1.0,) if i == k else (1.0, 1j):
-                one = np.zeros((size, size), complex)
-                one[i, k], one[k, i] = value, np.conj(value)
-                out.append(one)
-    return out
 
 
 def _barrier(x: Vector, slopes: list[Complex]) -> tuple[Vector, Matrix]:

@@ -8,13 +8,14 @@ What it finds is confirmed on the sampled loop itself.
 
 from collections.abc import Callable
 from functools import partial
+from time import thread_time
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
 
 from flexslew_lab.guarantee.box import corners
-from flexslew_lab.guarantee.certificate import UncertainLoop
+from flexslew_lab.guarantee.uncertain_loop import UncertainLoop
 from flexslew_plant.arrays import Matrix, Vector
 
 _POINTS, _MOST_CORNERS, _ASCENTS = 400, 64, 3
@@ -39,7 +40,7 @@ class Breakdown(NamedTuple):
 
 
 def breakdown(
-    loop: UncertainLoop, unstable: Vector | None = None, seed: int = 1
+    loop: UncertainLoop, unstable: Vector | None = None, seed: int = 1, end: float = np.inf
 ) -> Breakdown | None:
     """Return the nearest loop that is not stable, as a search has found it, or None.
 
@@ -47,6 +48,7 @@ def breakdown(
         loop: over the largest box to be searched.
         unstable: values of a loop that is not stable, where the search begins, or None.
         seed: of random starts.
+        end: of the search, as time.thread_time counts [s]; the nearest one until then is returned.
     """
     m, rng = len(loop.box.centre), np.random.default_rng(seed)
     starts = corners(m)
@@ -58,7 +60,7 @@ def breakdown(
         found = _edge(loop, (unstable - loop.box.centre) / loop.box.radius)
         scale = 1.0 if found is None else found.scale * (1.0 - _INWARD)
     for _ in range(_ROUNDS):
-        edge = _ascend(loop, scale, starts)
+        edge = _ascend(loop, scale, starts, end)
         if edge is None:
             break
         found = edge
@@ -80,7 +82,7 @@ def least_damping(loop: UncertainLoop, delta: Matrix) -> Vector:
     return np.asarray((-s.real / np.maximum(abs(s), _LEAST)).min(axis=1))
 
 
-def _ascend(loop: UncertainLoop, scale: float, starts: Matrix) -> Breakdown | None:
+def _ascend(loop: UncertainLoop, scale: float, starts: Matrix, end: float) -> Breakdown | None:
     """Return the edge of stability towards an unstable loop within a scale, or None."""
     points, origin = starts * scale, np.zeros((1, starts.shape[1]))
 
@@ -91,6 +93,8 @@ def _ascend(loop: UncertainLoop, scale: float, starts: Matrix) -> Breakdown | No
         values = measure(points)
         unit = max(abs(float(measure(origin)[0])), _LEAST)
         for start in points[np.argsort(-values)[:_ASCENTS]]:
+            if thread_time() > end:
+                return None
             edge = _edge(loop, start)
             if edge is None:
                 result = minimize(

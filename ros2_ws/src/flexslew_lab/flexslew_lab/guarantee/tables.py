@@ -42,7 +42,8 @@ def worst_case_sections(guarantee: Guarantee, command: str = "") -> list[Section
     found, verdict = guarantee.found, guarantee.verdict
     words = (
         f"{verdict[0].upper()}{verdict[1:]}. Certified in {len(found.certificate.parts)} parts of "
-        f"the box, and checked at {found.certificate.checked} points by other means."
+        f"the box, and checked at {found.certificate.checked} points by other means. "
+        f"Fit of the loop's dynamics over the ranges: {found.fit.words}."
     )
     bounds = (
         "Peaks over all parameters within the certified part of the box: S and T at the plant's "

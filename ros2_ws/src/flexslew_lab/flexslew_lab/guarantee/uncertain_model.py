@@ -15,9 +15,9 @@ from flexslew_lab.guarantee.parameters import (
     Vary,
     box_of,
     loop_values,
-    situation_at,
     uncertain_parameters,
 )
+from flexslew_lab.guarantee.situation import situation_at
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
@@ -106,10 +106,8 @@ class UncertainModel:
         each = ", ".join(
             f"{p.name} x {size}" for p, size in zip(self.parameters, self.sizes, strict=True)
         )
-        return (
-            f"<UncertainModel: {len(self.lti.states)} states, {each}, "
-            f"error {self.largest_error:.1e}>"
-        )
+        error = "exact" if self.form.exact else f"error {self.largest_error:.1e}"
+        return f"<UncertainModel: {len(self.lti.states)} states, {each}, {error}>"
 
     def _repr_html_(self) -> str:
         """Return the parameters, for notebooks."""

@@ -9,17 +9,17 @@ from scipy.linalg import matrix_balance
 from flexslew_control.analysis.loop import ControlLoop, loop_of
 from flexslew_lab.analysis.analysis import Analysis, is_stable
 from flexslew_lab.guarantee.box import Box
-from flexslew_lab.guarantee.certificate import UncertainLoop, uncertain_loop
 from flexslew_lab.guarantee.parameters import (
     DEFAULT,
-    Situation,
     Uncertain,
     Vary,
     box_of,
     loop_values,
-    situation_at,
     uncertain_parameters,
 )
+from flexslew_lab.guarantee.polynomial import size_differs
+from flexslew_lab.guarantee.situation import Situation, situation_at
+from flexslew_lab.guarantee.uncertain_loop import UncertainLoop
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
@@ -52,9 +52,14 @@ class VariedLoop:
         Args:
             values: of the parameters, shape (m,).
             pointing: whether its outputs are the joint positions; else -T at the plant's input.
+
+        Raises:
+            BadInput: if the number of states is another one there.
         """
         loop, m, t = self.at(values), self.analysis.loop.efforts, self.scales
         closed, c, d = loop.closed, loop.closed.c[:m], loop.closed.d[:m, :m]
+        if len(closed.a) != len(t):
+            raise size_differs()
         if pointing:
             c, d = loop.joint_positions, np.zeros((len(loop.joint_positions), m))
         return np.block([[closed.a * t / t[:, None], closed.b[:, :m] / t[:, None]], [c * t, d]])
@@ -64,13 +69,9 @@ class VariedLoop:
         return is_stable(self.at(values))
 
     def over(self, box: Box, pointing: bool = False) -> UncertainLoop:
-        """Return its linear fractional form over a box; outputs: see matrix.
-
-        Raises:
-            BadInput: if the number of states differs within the box.
-        """
+        """Return the uncertain loop over a box; outputs: see matrix."""
         exact = partial(self.matrix, pointing=pointing)
-        return uncertain_loop(box, len(self.scales), exact, self.stable)
+        return UncertainLoop(box, len(self.scales), exact, self.stable)
 
 
 def varied_loop(trial: Trial, analysis: Analysis, vary: Vary) -> VariedLoop:

@@ -10,6 +10,7 @@ from flexslew_lab.analysis.analysis import finite
 from flexslew_lab.guarantee.box import Box
 from flexslew_lab.guarantee.certificate import Certificate
 from flexslew_lab.guarantee.parameters import Uncertain, box_of, loop_values
+from flexslew_lab.guarantee.polynomial import FitError
 from flexslew_lab.guarantee.search import Breakdown
 from flexslew_lab.short_values import short
 from flexslew_plant.notebook_table import in_notebook
@@ -67,7 +68,7 @@ class WorstCase:
         unstable: the nearest loop that is not stable, or None up to `searched`.
         searched: largest scale that was searched [-].
         gains: bounds of the RESPONSES over the certified box, at most the whole one.
-        fit_error: of the fit of A over the box, of each entry of the balanced matrix [-].
+        fit: of A over the ranges, its states balanced [-].
         period: one tick [s].
     """
 
@@ -78,7 +79,7 @@ class WorstCase:
     unstable: Breakdown | None
     searched: float
     gains: tuple[GainBounds, ...]
-    fit_error: float
+    fit: FitError
     period: float
 
     @property
@@ -111,7 +112,8 @@ class WorstCase:
         else:
             angle = self.certificate.open_at
             at = "" if angle is None else f" at {angle / self.period:.3g} rad/s in the time allowed"
-            parts = [f"not certified{at}"]
+            reached = f": {self.certificate.ended}" if self.certificate.ended else ""
+            parts = [f"not certified{at}{reached}"]
         if self.unstable is not None:
             values = loop_values(self.parameters, self.unstable.values)
             at = ", ".join(self._value(p, values[p.name]) for p in self.parameters)
@@ -170,7 +172,8 @@ class WorstCase:
                 "searched_scale": self.searched,
                 "gap": self.gap,
                 "gains": [vars(gain) | {"values": dict(gain.values)} for gain in self.gains],
-                "fit_error": self.fit_error,
+                "fit_error": 0.0 if self.fit.exact else self.fit.largest,
+                "fit": self.fit.words,
             }
         )
         return found
