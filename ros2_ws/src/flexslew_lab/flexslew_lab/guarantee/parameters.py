@@ -56,7 +56,7 @@ def uncertain_parameters(situation: Situation, vary: Vary) -> tuple[Uncertain, .
 
 
 def vary_of(assignments: Sequence[str]) -> Vary:
-    """Return `name=20%` and `name=low..high` as ranges by name.
+    """Return `name=20%` and `name=low..high` as ranges by name; a unit at the end is that of both.
 
     Raises:
         BadInput: if there is no `=`, or nothing on a side of it.
@@ -67,6 +67,10 @@ def vary_of(assignments: Sequence[str]) -> Vary:
         if not name or not text:
             raise BadInput("give name=20% or name=low..high", "--vary", value=assignment)
         ends = [end.strip() for end in text.split("..")]
+        unit = re.fullmatch(r"[+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?\s*([^0-9.\s].*)", ends[-1])
+        numbers = [isinstance(_number(end), float) for end in ends]
+        if unit and numbers == [True, False]:
+            ends[0] = f"{ends[0]} {unit[1]}"
         found[name] = text if len(ends) == 1 else [_number(end) for end in ends]
     return found
 
