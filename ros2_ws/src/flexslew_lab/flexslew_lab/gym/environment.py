@@ -76,7 +76,6 @@ class SlewEnvironment(gymnasium.Env[Vector, Any]):
         given, drawn = option_member(options), member_seed(self.np_random)
         member = drawn if given is None else int(given)
         self._members.begin([member])
-        self._steps = 0
         if self.render_mode == "human":
             self.render()
         return self._members.observations[0].copy(), {"member": member}
@@ -96,11 +95,10 @@ class SlewEnvironment(gymnasium.Env[Vector, Any]):
         if members.is_over:
             raise BadInput("reset the environment first", "step")
         members.step(checked_actions(action, (self._episodes.joints,))[np.newaxis])
-        self._steps += 1
         over, info = members.is_over, dict[str, Any]()
         if over:
             info = {"score": float(members.scores[0]), "failure": members.failures[0]}
-        if self.render_mode == "human" and self._steps % self._frame_ticks == 0:
+        if self.render_mode == "human" and members.tick % self._frame_ticks == 0:
             self.render()
         return members.observations[0].copy(), float(members.rewards[0]), False, over, info
 

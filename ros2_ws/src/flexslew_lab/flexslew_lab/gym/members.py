@@ -59,9 +59,14 @@ class Members:
         return self._batch is None or self._batch.tick == self._batch.ticks
 
     @property
+    def tick(self) -> int:
+        """The present one."""
+        return self._batch.tick if self._batch else 0
+
+    @property
     def time(self) -> float:
         """Of the present tick [s]."""
-        return self._batch.tick * self._episodes.task.trial.period if self._batch else 0.0
+        return self.tick * self._episodes.task.trial.period
 
     def positions(self, member: int) -> Vector:
         """Return the positions of a member at the present tick, shape (positions,)."""

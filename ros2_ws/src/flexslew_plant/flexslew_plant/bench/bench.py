@@ -407,22 +407,17 @@ class Bench:
         if self._plant is not None:
             return self._plant.advance(effort)
         model, period, now = self.model, self.settings.period, self.time
-        x = model.apply_impulse(self._x, 0.5 * period, now) if model.outside else self._x
-
-        def held(total: Vector) -> Vector:
-            after = x.copy()
-            model.integrate(
-                model.packed, now, total, period, self._steps, model.before_modes, after
-            )
-            return after
-
+        x = model.apply_impulse(self._x, 0.5 * period, now)
         if self._friction is None:
-            after = held(effort)
+            after = model.advance_checked(x, effort, period, self._steps, now)
         else:
-            after = self._friction.advance(x, effort, model.mobility(x, effort, now), held)
-        if model.outside:
-            return model.apply_impulse(after, -0.5 * period, now + period)
-        return after
+            after = self._friction.advance(
+                x,
+                effort,
+                model.mobility(x, effort, now),
+                lambda total: model.advance_checked(x, total, period, self._steps, now),
+            )
+        return model.apply_impulse(after, -0.5 * period, now + period)
 
     def request_switch(self, request: SwitchRequest) -> Refusal | None:
         """Schedule a switch at a tick (0: the next); return why it is refused, or None."""
