@@ -158,13 +158,26 @@ def test_a_request_for_what_is_so_already_succeeds_silently(
     assert "it is so already" not in bench.texts()
 
 
-def test_one_button_starts_and_pauses(bench: Bench) -> None:
+def test_a_running_bench_shows_pause_and_a_paused_one_start(bench: Bench) -> None:
+    other = {"Start": "Pause", "Pause": "Start"}
     for state, label, action in (("paused", "Start", "start"), ("running", "Pause", "pause"),
                                  ("waiting", "Pause", "pause")):  # fmt: skip
         bench.state(state=state)
         assert bench.seen(label)
+        assert not bench.seen(other[label])
         [(_, values)] = bench.click(label)
         assert values["action"] == action
+
+
+def test_a_second_click_on_pause_does_not_start_the_bench_again(bench: Bench) -> None:
+    bench.state(state="running")
+    pause = bench.elements("Pause")[0]
+    bench.state(state="paused")  # between the clicks
+    bench.link.request.clear()
+    for on_click in pause.on_click:
+        on_click(3)
+    bench.page._context.work()
+    assert [values["action"] for _, values in bench.link.request] == ["pause"]
 
 
 def test_two_pages_that_start_at_once_both_succeed(bench: Bench) -> None:
@@ -234,7 +247,7 @@ def test_the_header_names_the_trial(command: str, folder: str, name: str) -> Non
 
 
 def test_the_keys_of_the_page_are_different(bench: Bench) -> None:
-    keys = [e.key for e in bench.gui.all() if e.key]
+    keys = [e.key for e in bench.gui.all() if e.key and e.visible]
     assert len({*keys}) == len(keys) > 8
 
 

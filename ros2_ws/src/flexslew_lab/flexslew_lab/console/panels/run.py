@@ -37,7 +37,8 @@ class HeaderPanel:
             self._release = gui.button("Release the brake", color="blue-grey-8")
             self._line = gui.html()
             with gui.add("row", visible=live) as self._transport:
-                self._toggle = gui.button("Start", key="p", hint="start, or pause")
+                self._start = gui.button("Start", key="p", hint="start, or pause")
+                self._pause = gui.button("Pause", key="p", hint="start, or pause", visible=False)
                 self._ticks = gui.number("Ticks", 100.0, step=1.0, hint="how many a step flies")
                 step = gui.button("Step", key=".", hint="fly some ticks of a paused bench")
                 self._rate = gui.choice("Rate", tuple(_RATES), value="1")
@@ -54,7 +55,8 @@ class HeaderPanel:
         acts: tuple[tuple[Element, Act], ...] = (
             (self._brake, partial(self._latch, True)),
             (self._release, partial(self._latch, False)),
-            (self._toggle, self._start_or_pause),
+            (self._start, partial(self._operate, topics.START, self._is_started)),
+            (self._pause, partial(self._operate, topics.PAUSE, self._is_paused)),
             (step, self._step),
             (reset, partial(self._operate, topics.RESET, lambda: False)),
         )
@@ -74,7 +76,9 @@ class HeaderPanel:
         self._release.visible = operated and self._view.brake_on_next
         self._brake.enabled = now.state != FINISHED
         self._transport.visible = operated
-        self._toggle.label = "Pause" if now.state in ("waiting", "running") else "Start"
+        # two buttons: a second click on "Pause" must not start the bench again
+        self._pause.visible = self._is_started()
+        self._start.visible = not self._pause.visible
         if now.state in _LIVE and now.rate_factor != self._last_rate:
             self._last_rate = now.rate_factor
             known = {rate: text for text, rate in _RATES.items()}
@@ -103,11 +107,11 @@ class HeaderPanel:
         action = topics.BRAKE if on else topics.RELEASE_BRAKE
         self._operate(action, lambda: self._view.brake_on_next == on, who)
 
-    def _start_or_pause(self, who: str) -> None:
-        start = self._toggle.label == "Start"
-        states = ("waiting", "running") if start else ("paused",)
-        action = topics.START if start else topics.PAUSE
-        self._operate(action, lambda: self._view.now.state in states, who)
+    def _is_started(self) -> bool:
+        return self._view.now.state in ("waiting", "running")
+
+    def _is_paused(self) -> bool:
+        return self._view.now.state == "paused"
 
     def _operate(self, action: str, done: Callable[[], bool], who: str) -> None:
         self._reply.ask(topics.OPERATE, {"action": action, "who": who}, done=done)
