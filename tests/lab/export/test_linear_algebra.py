@@ -1,6 +1,7 @@
 """The evaluator writes loops, branches and whole numbers as C that computes what Python does."""
 
 import ctypes
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,11 @@ import pytest
 
 from flexslew_control.linear.held_step import exponential_step
 from flexslew_lab.export.c_code.evaluator import Evaluator
-from flexslew_lab.export.c_code.linear_algebra import determinant, inverse
+from flexslew_lab.export.c_code.linear_algebra import (
+    determinant,
+    inverse,
+    pseudo_inverse,
+)
 from flexslew_lab.export.c_code.numpy_functions import METHODS, REPLACEMENTS
 from flexslew_lab.export.c_code.program import live_names, printed
 from flexslew_lab.export.c_code.statements import LANGUAGE
@@ -52,6 +57,20 @@ def test_inverse_and_determinant_are_those_of_lapack(n: int, tmp_path: Path) -> 
     a[0, 0] = 0.0 if n > 1 else 2.0  # so that rows are swapped
     np.testing.assert_allclose(_in_c(inverse, a, tmp_path), np.linalg.inv(a), rtol=1e-10)
     np.testing.assert_allclose(_in_c(determinant, a, tmp_path), np.linalg.det(a), rtol=1e-10)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 3), (2, 4), (4, 2), (3, 6)])
+def test_the_pseudo_inverse_is_that_of_lapack_also_of_less_rank(
+    shape: tuple[int, int], tmp_path: Path
+) -> None:
+    rng, rank = np.random.default_rng(sum(shape)), min(shape)
+    factors = rng.normal(size=(shape[0], rank)), rng.normal(size=(rank, shape[1]))
+    for number, kept in enumerate({rank, max(rank - 1, 1)}):
+        a = factors[0][:, :kept] @ factors[1][:kept]
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        found = _in_c(partial(pseudo_inverse, cutoff=1e-12), a, folder)
+        np.testing.assert_allclose(found, np.linalg.pinv(a, 1e-12), rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("size", [0.1, 9.0])

@@ -33,7 +33,8 @@ def test_each_law_agrees_or_is_refused_in_one_line(shipped: str, tmp_path: Path)
         except BadInput as error:
             reason = str(error)
         if reason:
-            assert re.search("cannot be written out|never active", reason)
+            unsupported = "model_predictive cannot be written out"  # it calls a solver
+            assert re.search(f"{unsupported}|never active", reason)
             assert "\n" not in reason
             continue
         compiled = CompiledModule(module, tmp_path)

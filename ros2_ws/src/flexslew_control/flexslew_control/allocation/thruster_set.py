@@ -127,12 +127,12 @@ def thruster_efforts(thrusters: ThrusterNumbers, member: int, torque: Vector, ou
             least, most, cost[s] = min(least, push), max(most, abs(push)), cost[s] + push
         negative[s] = -least / most
     cost = np.where(negative <= max(_SLACK, negative.min()), cost, np.inf)
-    best = np.flatnonzero(cost <= cost.min() * (1.0 + _EQUAL))
-    for selected in best:
+    is_best = cost <= cost.min() * (1.0 + _EQUAL)
+    count = is_best.sum()
+    for s in range(subsets):
         for i in range(3):
-            out[thrusters.thruster_indices[selected, i]] += (
-                max(forces[selected, i], 0.0) / best.size
-            )
+            if is_best[s]:
+                out[thrusters.thruster_indices[s, i]] += max(forces[s, i], 0.0) / count
     share = 1.0
     for i in range(out.size):
         if out[i] > 0.0:

@@ -91,16 +91,15 @@ class IntegralFeedback:
         kp, kd, ki = self.three(reference)
         rest = reference.effort - kp @ estimate.position - kd @ estimate.velocity - effort
         self._z = np.asarray(np.linalg.lstsq(ki, rest, rcond=None)[0], dtype=np.float64)
-        self._before = np.zeros(0)  # the first effort is this one: nothing is integrated yet
+        self._before = -estimate.position  # the first effort is this one: nothing is integrated yet
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the efforts within the limit, shape (m,) [N m or N]."""
         kp, kd, ki = self.three(reference)
         x = estimate.position
         if measurement.tick == 0:
-            self._z, self._before = np.zeros_like(x), np.zeros(0)
-        if self._before.size:
-            self._z = self._z + 0.5 * self.period * (self._before + x)
+            self._z, self._before = np.zeros_like(x), -x
+        self._z = self._z + 0.5 * self.period * (self._before + x)
         self._before = x
         self.terms = {
             "feedforward": reference.effort,

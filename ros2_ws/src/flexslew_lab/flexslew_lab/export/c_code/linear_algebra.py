@@ -4,6 +4,9 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 
+_SWEEPS = 10  # of Jacobi rotations, which converge quadratically
+_ORTHOGONAL = 1e-31  # squared cosine of columns that count as orthogonal
+
 
 def inverse(a: Matrix) -> Matrix:
     """Return a^-1, shape (n, n)."""
@@ -66,4 +69,54 @@ def determinant(a: Matrix) -> float:
             factor = left[i, j] / left[j, j] if left[j, j] != 0.0 else 0.0
             for k in range(n):
                 left[i, k] -= factor * left[j, k]
+    return found
+
+
+def pseudo_inverse(a: Matrix, cutoff: float) -> Matrix:
+    """Return the pseudo-inverse of a, shape (n, m), by Jacobi rotations of its rows.
+
+    Rotations V make the columns of W = a^T V orthogonal (Hestenes 1958). Their lengths are the
+    singular values, and a^+ = W S^-2 V^T.
+
+    Args:
+        a: shape (m, n).
+        cutoff: singular values below this share of the largest count as 0.
+    """
+    m, n = a.shape
+    w, v = a.T.copy(), np.eye(m)
+    for _ in range(_SWEEPS):
+        for i in range(m - 1):
+            for j in range(i + 1, m):
+                alpha, beta, gamma = 0.0, 0.0, 0.0
+                for k in range(n):
+                    alpha += w[k, i] * w[k, i]
+                    beta += w[k, j] * w[k, j]
+                    gamma += w[k, i] * w[k, j]
+                cosine, sine = 1.0, 0.0
+                if gamma * gamma > _ORTHOGONAL * alpha * beta:
+                    zeta = (beta - alpha) / (2.0 * gamma)
+                    tangent = 1.0 / (abs(zeta) + np.sqrt(1.0 + zeta * zeta))
+                    tangent = tangent if zeta >= 0.0 else -tangent
+                    cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
+                    sine = cosine * tangent
+                for k in range(n):
+                    kept = w[k, i] * 1.0
+                    w[k, i] = cosine * kept - sine * w[k, j]
+                    w[k, j] = sine * kept + cosine * w[k, j]
+                for k in range(m):
+                    kept = v[k, i] * 1.0
+                    v[k, i] = cosine * kept - sine * v[k, j]
+                    v[k, j] = sine * kept + cosine * v[k, j]
+    squares = np.zeros(m)
+    largest = 0.0
+    for i in range(m):
+        for k in range(n):
+            squares[i] += w[k, i] * w[k, i]
+        largest = max(largest, squares[i])
+    found = np.zeros((n, m))
+    for i in range(m):
+        share = 1.0 / squares[i] if squares[i] > cutoff * cutoff * largest else 0.0
+        for k in range(n):
+            for j in range(m):
+                found[k, j] += w[k, i] * share * v[j, i]
     return found

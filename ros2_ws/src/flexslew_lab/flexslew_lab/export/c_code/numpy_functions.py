@@ -224,8 +224,14 @@ def _sign(e: Evaluator, value: Any) -> Any:
 
 
 def _least_squares(e: Evaluator, a: Any, b: Any, **_: Any) -> tuple[Any, None, None, None]:
-    inverse = np.linalg.pinv(require_concrete(a, "the matrix of a least-squares problem"))
+    inverse = _pseudo_inverse(e, a, np.finfo(float).eps * max(a.shape))
     return e.ops.materialised(e.ops.binary("@", inverse, b)), None, None, None
+
+
+def _pseudo_inverse(e: Evaluator, a: Any, cutoff: float = 1e-15) -> Any:
+    if not is_symbolic(a):
+        return np.linalg.pinv(a, cutoff)
+    return e.call(linear_algebra.pseudo_inverse, [e.ops.array(e.ops.materialised(a)), cutoff])
 
 
 def _norm(e: Evaluator, value: Any, *_: Any, **__: Any) -> Any:
@@ -344,7 +350,8 @@ REPLACEMENTS: dict[Any, Replacement] = {
     builtins.enumerate: lambda e, value, first=0: list(enumerate(items_of(e, value), first)),
     builtins.len: lambda e, value: len(value),
     np.copy: lambda e, value: e.ops.stored(*e.ops.entries(value)),
-    np.linalg.lstsq: _least_squares, np.clip: _clip, np.sign: _sign,
+    np.linalg.pinv: _pseudo_inverse, np.linalg.lstsq: _least_squares, np.clip: _clip,
+    np.sign: _sign,
     np.linalg.det: lambda e, a: e.call(
         linear_algebra.determinant, [e.ops.array(e.ops.materialised(a))]
     ),
