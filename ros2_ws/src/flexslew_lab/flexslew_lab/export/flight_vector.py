@@ -1,6 +1,5 @@
 """What goes into a module and comes out of it in a flight of the bench, tick by tick."""
 
-from dataclasses import fields, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -10,6 +9,7 @@ from flexslew_control.controllers.controller import Answer
 from flexslew_control.plan import Plan
 from flexslew_lab.export.c_module import CModule
 from flexslew_lab.export.compiled import inputs_of
+from flexslew_lab.export.plant_module import noise_free
 from flexslew_lab.run.in_process import Observer, run_bench
 from flexslew_lab.trial.trial import Trial, set_plan, set_up
 from flexslew_plant.arrays import Matrix, Vector
@@ -76,11 +76,7 @@ def plant_vector(
         source: the trial's file, for messages.
         ticks: how many are kept.
     """
-    exact = {
-        field.name: replace(getattr(trial.sensors, field.name), noise=0.0)
-        for field in fields(trial.sensors)
-    }
-    seen = _flight(replace(trial, sensors=replace(trial.sensors, **exact)), "", plan, source)
+    seen = _flight(noise_free(trial), "", plan, source)
     questions = [one for tick, one in sorted(seen.questions.items()) if tick <= ticks]
     pairs = list(pairwise(questions))
     # the brake gives no answer, and demands what it applies

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import fields, replace
 from functools import partial
 from typing import Any
 
@@ -32,9 +33,31 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.sensors import Readings, exact_readings
 from flexslew_plant.measurement import Measurement
 
+_NOISES = {
+    "noise", "across", "about", "rate_noise", "dropout", "angle_random_walk", "rate_random_walk",
+    "bias_spread",
+}  # keys of sensors that draw random numbers  # fmt: skip
 _STRUCTS = ("effort", "measurement")
 _INPUT, _OUTPUT = "const NAME_effort *input", "NAME_measurement *output"
 _STATE = "plant_tick_x"  # the member of the memory
+
+
+def noise_free(trial: Trial) -> Trial:
+    """Return a trial with sensors that have no noise, but their biases, quanta, delays and gaps.
+
+    A program without a generator of random numbers repeats itself.
+    """
+    testbed, sensors = trial.testbed, trial.sensors
+    quiet = {one.name: _without_noise(getattr(sensors, one.name)) for one in fields(sensors)}
+    if own := getattr(testbed, "sensors", {}):
+        exact = {name: _without_noise(one) for name, one in own.items()}
+        testbed = replace(testbed, sensors=exact)  # type: ignore[type-var]
+    return replace(trial, testbed=testbed, sensors=replace(sensors, **quiet))
+
+
+def _without_noise(sensor: Any) -> Any:
+    names = _NOISES & {one.name for one in fields(sensor)}
+    return replace(sensor, **dict.fromkeys(names, 0.0))
 
 
 def plant_module(trial: Trial, single: bool = False, source: str = "") -> CModule:
@@ -58,7 +81,7 @@ def plant_module(trial: Trial, single: bool = False, source: str = "") -> CModul
     Raises:
         BadInput: it cannot be written out.
     """
-    settings = bench_settings(trial)
+    settings = bench_settings(noise_free(trial))
     tick = PlantTick(settings)
     model, start = tick.model, tick.readings(np.zeros(tick.model.joints), 0.0)
     joints = model.joints
@@ -82,6 +105,8 @@ def plant_module(trial: Trial, single: bool = False, source: str = "") -> CModul
         e, plant = Evaluator(LANGUAGE, REPLACEMENTS, METHODS), PlantTick(settings)
         e.keep(plant, "x")
         e.keep(plant, "motors")  # so the first tick is as all others
+        e.keep(plant, "instruments")
+        e.keep(plant, "seen")
         if numbers is not None:
             e.keep(plant.model, "packed", numbers.constants)
 

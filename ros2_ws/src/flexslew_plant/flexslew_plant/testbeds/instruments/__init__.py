@@ -5,6 +5,7 @@ from flexslew_plant.testbeds.instruments.gyro import GyroSettings as GyroSetting
 from flexslew_plant.testbeds.instruments.instrument import BodyState as BodyState
 from flexslew_plant.testbeds.instruments.instrument import Instrument as Instrument
 from flexslew_plant.testbeds.instruments.instrument import Reader as Reader
+from flexslew_plant.testbeds.instruments.instrument import channels as channels
 from flexslew_plant.testbeds.instruments.resolver import Resolver as Resolver
 from flexslew_plant.testbeds.instruments.resolver import ResolverSettings as ResolverSettings
 from flexslew_plant.testbeds.instruments.star_tracker import StarTracker as StarTracker

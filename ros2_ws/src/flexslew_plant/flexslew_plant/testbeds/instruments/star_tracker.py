@@ -114,7 +114,8 @@ def read_star_tracker(
     every = int(delay) + 1
     at, of = 4 * (k % every), 4 * ((k + 1) % every)
     if missing:
-        memory[at : at + 4] = 0.0
+        for i in range(4):
+            memory[at + i] = 0.0
     else:
         more = (rate_noise * size) ** 2
         cross_axis, roll = sqrt(cross_axis**2 + more), sqrt(roll**2 + more)

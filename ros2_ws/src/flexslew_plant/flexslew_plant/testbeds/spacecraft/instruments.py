@@ -47,7 +47,7 @@ def instrument_of(
         first: its first channel.
         sun: direction to the Sun if the orbit gives it, else None.
 
-        es:
+    Raises:
         BadInput: the platform is not free, a direction is none, a span ends before it begins, or
             the direction to the Sun is missing.
     """
