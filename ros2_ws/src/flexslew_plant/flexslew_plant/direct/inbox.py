@@ -48,8 +48,9 @@ class RecorderInput:
             while (parts := line.receive()) is not None:
                 try:
                     for number, data in split(parts):
-                        topic = names[number % DDS_FLAG]
-                        if number < DDS_FLAG or self._first(topic, data, 1):
+                        if number < DDS_FLAG:
+                            yield names[number], data
+                        elif self._first(topic := names[number - DDS_FLAG], data, 1):
                             yield topic, data
                 except (struct.error, IndexError):  # no message of a publisher
                     line.close()
@@ -86,10 +87,10 @@ def split(parts: bytes) -> Iterator[tuple[int, bytes]]:
     Raises:
         struct.error: it ends within a part, or a part is no CDR.
     """
-    at = 0
-    while at < len(parts):
-        number, size = PART.unpack_from(parts, at)
-        at += PART.size + size
-        if at > len(parts) or not parts.startswith(HEAD, at - size):
+    at, end, read, head = 0, len(parts), PART.unpack_from, PART.size
+    while at < end:
+        number, size = read(parts, at)
+        at += head + size
+        if at > end or not parts.startswith(HEAD, at - size):
             raise struct.error
         yield number, parts[at - size : at]
