@@ -26,19 +26,23 @@ class Stamp(NamedTuple):
 
 def stamp_of(seconds: float) -> Stamp:
     """Return simulated seconds as a stamp."""
-    return Stamp(*divmod(round(seconds * 1e9), 1_000_000_000))
+    return Stamp(*_stamp(seconds))
+
+
+def _stamp(seconds: float) -> tuple[int, int]:
+    return divmod(round(seconds * 1e9), 1_000_000_000)
 
 
 def measurement_bytes(m: Measurement) -> bytes:
     """Return the question as it goes over DDS."""
     tick, epoch, time, *fields = m
-    return packer(_MEASUREMENT)(*stamp_of(time), _FRAME, tick, epoch, *fields)
+    return packer(_MEASUREMENT)(*_stamp(time), _FRAME, tick, epoch, *fields)
 
 
 def truth_bytes(truth: Truth) -> bytes:
     """Return flexslew_msgs/PlantState as it goes over DDS."""
     tick, time, epoch, *fields = truth
-    return packer("flexslew_msgs/msg/PlantState")(*stamp_of(time), _FRAME, tick, epoch, *fields)
+    return packer("flexslew_msgs/msg/PlantState")(*_stamp(time), _FRAME, tick, epoch, *fields)
 
 
 def measurement_from(data: bytes, period: float) -> tuple[Measurement, Stamp]:
