@@ -12,7 +12,7 @@ from flexslew_lab.ros.rebroadcast import Rebroadcast
 from flexslew_lab.ros.recorder.intake import MEASUREMENT_TOPIC, MessageSource
 from flexslew_lab.ros.recorder.namesakes import StatusFilter
 from flexslew_lab.ros.recorder.recorder_settings import RecorderSettings
-from flexslew_plant.bench.wire import stamp_of
+from flexslew_lab.ros.recorder.status import RecorderStatus
 from flexslew_plant.events import (
     Fact,
     RecordingEnded,
@@ -20,14 +20,11 @@ from flexslew_plant.events import (
     UnexpectedMessage,
     event_of,
 )
-from flexslew_plant.graph import topics
-from flexslew_plant.message_codec import packer
 from flexslew_plant.ros.dead_nodes import GraphCleanup
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.node_process import run_node
-from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.parameters import handle_changes, new_node, settings_of
 
 _TAKE_EVERY = 0.005  # [wall s]
@@ -35,7 +32,6 @@ _BUSY, _BUSY_EVERY = 20, 0.002  # messages at once: the plant flies fast, and wa
 _BLOCK = 200  # messages between two statuses: half of the ticks for which the plant goes ahead
 _ENDING = 3.0  # of a plant that is interrupted together with the recorder [wall s]
 
-_STATUS_TYPE = topics.TOPICS[topics.RECORDER_STATUS].type
 _NOT_PLANT = "its sender is not the plant of this bench"
 
 
@@ -51,13 +47,13 @@ class Recorder:
         bag = open_bag(Path(self._settings.folder), json.loads(self._settings.metadata))
         self._recording = Recording(bag, lambda words: self._publish_event(RecordingEnded(words)))
         self._events = EventLog(node)
-        self._status = publisher(node, topics.RECORDER_STATUS)
         self._rebroadcast = Rebroadcast(node)
         self._order, self._warned = RecordingOrder(node.get_namespace()), set[str]()  # of topics
-        self._last_status = self._recording.safe
         self._exit_time: float | None = None  # interrupted: when to leave at the latest [wall s]
         self._next_check = 0.0  # for the plant [wall s]
         self._source = MessageSource(node, loop)
+        instance, acknowledge = self._alive.heartbeat.instance, self._source.acknowledge
+        self._status = RecorderStatus(node, instance, self._recording, acknowledge)
         self._status_filter = StatusFilter(self._alive.heartbeats)
         handle_changes(node, lambda changes: "")
         measurements = self._source.subscriptions[MEASUREMENT_TOPIC]
@@ -106,9 +102,9 @@ class Recorder:
             self._publish_event(UnexpectedMessage(name, self.node.get_name(), _NOT_PLANT))
         for first in range(0, len(messages), _BLOCK):
             self._recording.write(*messages[first : first + _BLOCK])
-            self._publish_status()
+            self._status.publish(now, self._order.newest[1] * 1e-9)
         self._recording.flush(now)
-        self._publish_status()
+        self._status.publish(now, self._order.newest[1] * 1e-9)
         self._rebroadcast.poll(now, last)
         return len(messages)
 
@@ -119,15 +115,6 @@ class Recorder:
             self._watch.seen = any(topic == MEASUREMENT_TOPIC for topic, _ in messages)
         self._rebroadcast.receive(messages)
         return messages
-
-    def _publish_status(self) -> None:
-        """Report the safe tick to the plant, which waits rather than lose more than a second."""
-        if self._recording.safe == self._last_status:
-            return
-        self._last_status = epoch, tick = self._recording.safe
-        at, messages = stamp_of(self._order.newest[1] * 1e-9), self._recording.messages
-        fields = tick, epoch, messages, self._alive.heartbeat.instance
-        self._status.publish(packer(_STATUS_TYPE)(*at, self.node.get_name(), *fields))
 
     def _publish_event(self, what: Fact) -> None:
         epoch, at = self._order.newest

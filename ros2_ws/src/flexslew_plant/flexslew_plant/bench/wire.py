@@ -14,6 +14,7 @@ from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.message_codec import layout_of, packer
 
 _MEASUREMENT, _COMMAND = "flexslew_msgs/msg/Measurement", "flexslew_msgs/msg/EffortCommand"
+_RECORDER_STATUS = "flexslew_msgs/msg/RecorderStatus"
 _FRAME = ""  # of a header
 
 
@@ -22,6 +23,16 @@ class Stamp(NamedTuple):
 
     sec: int
     nanosec: int
+
+
+class RecorderProgress(NamedTuple):
+    """What a recorder has handed to the system; see flexslew_msgs/RecorderStatus."""
+
+    recorder: str  # name of the node
+    tick: int  # of the last measurement
+    epoch: int
+    messages: int  # of all topics
+    instance: int  # of its heartbeat
 
 
 def stamp_of(seconds: float) -> Stamp:
@@ -82,3 +93,18 @@ def command_from(data: bytes) -> EffortCommand:
             raise
     _, _, tick, epoch, effort, *instance = layout.numbers.unpack_from(data)
     return EffortCommand(tick, epoch, layout.texts[0], np.frombuffer(effort), *instance)
+
+
+def recorder_status_bytes(status: RecorderProgress, time: float) -> bytes:
+    """Return the status of a recorder as it goes over DDS, stamped with a simulated time [s]."""
+    return packer(_RECORDER_STATUS)(*_stamp(time), *status)
+
+
+def recorder_status_from(data: bytes) -> RecorderProgress:
+    """Return the status of a recorder.
+
+    Raises:
+        BadInput: these bytes are none.
+    """
+    layout = layout_of(_RECORDER_STATUS, data)
+    return RecorderProgress(layout.texts[0], *layout.numbers.unpack_from(data)[2:])

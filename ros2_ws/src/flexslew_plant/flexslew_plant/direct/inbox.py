@@ -14,6 +14,7 @@ TOPICS = "topics"  # fact that a caller sends: absolute names of the topics that
 NODE, NAMESPACE, RECEIVED = "node", "namespace", "heard"
 PART = Struct("<BI")  # number of the topic, and how many bytes of CDR follow
 DDS_FLAG = 0x80  # added to the number of a topic: the message goes over DDS, too
+_OF_PLANT = "/measurement"  # the recorder's name of a topic that only a plant publishes
 
 
 class RecorderInput:
@@ -59,6 +60,17 @@ class RecorderInput:
         for topic, data in over_dds:
             if topic not in self._shared or self._first(topic, data, -1):
                 yield topic, data
+
+    def acknowledge(self, status: bytes) -> bool:
+        """Send a status of the recorder to publishers of measurements; return whether there is one.
+
+        Args:
+            status: CDR of a flexslew_msgs/RecorderStatus.
+        """
+        plants = [line for line, names in self._lines.items() if _OF_PLANT in names]
+        for line in plants:
+            line.send(status)
+        return bool(plants)
 
     def _first(self, topic: str, data: bytes, way: int) -> bool:
         """Return whether this is not the other copy of what came before; +1: line, -1: DDS."""
