@@ -178,7 +178,7 @@ def test_a_plant_that_waits_for_its_recorder_sends_what_it_has_and_takes_the_new
     assert received == [b"second"]
 
 
-def test_a_node_that_is_killed_takes_no_more_than_8_kb_along(recorded: Recorded) -> None:
+def test_a_node_that_is_killed_takes_no_more_than_4_kb_along(recorded: Recorded) -> None:
     alone_with_the_recorder(recorded)
     messages = [
         serialize_message(PlantState(tick=k, tip_deflection=[0.5] * 100)) for k in range(97)
@@ -190,7 +190,7 @@ def test_a_node_that_is_killed_takes_no_more_than_8_kb_along(recorded: Recorded)
     while monotonic() < until:
         heard += [data for _, data in recorded.inbox.take([])]
     assert heard == messages[: len(heard)]
-    assert sum(len(part(0, data)) for data in messages[len(heard) :]) <= 8192
+    assert sum(len(part(0, data)) for data in messages[len(heard) :]) <= 4096
 
 
 def test_who_else_listens_hears_all_and_the_log_has_it_once(recorded: Recorded) -> None:

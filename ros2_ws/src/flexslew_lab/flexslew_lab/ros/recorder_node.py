@@ -28,7 +28,7 @@ from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.parameters import handle_changes, new_node, settings_of
 
 _TAKE_EVERY = 0.005  # [wall s]
-_BUSY, _BUSY_EVERY = 20, 0.002  # messages at once: the plant flies fast, and waits for the log
+_BUSY, _BUSY_EVERY = 20, 0.001  # messages at once: the plant flies fast, and waits for the log
 _BLOCK = 200  # messages between two statuses: half of the ticks for which the plant goes ahead
 _ENDING = 3.0  # of a plant that is interrupted together with the recorder [wall s]
 

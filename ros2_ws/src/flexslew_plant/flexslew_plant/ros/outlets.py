@@ -18,7 +18,7 @@ from flexslew_plant.ros.outlet import DirectPublisher, LoopCounter
 _RETRY_PERIOD = 0.2  # until the recorder is called again [wall s]
 _CHECK_PERIOD = 0.1  # between two checks for other listeners [wall s]
 _KEPT = 16 * LOOP_DEPTH  # for a recorder that is held up; the plant waits for it long before that
-_BATCH_BYTES = 1 << 13  # sent at once while ticks follow each other, a few of them [B]
+_BATCH_BYTES = 1 << 12  # sent at once while ticks follow each other, a few of them [B]
 _CLOSE_TIMEOUT = 5.0  # for a recorder that takes nothing [wall s]
 
 

@@ -8,7 +8,7 @@ from flexslew_lab.log.recording.recording_order import Ordered, tick_and_epoch
 from flexslew_lab.log.recording.unfinished import BEFORE_START, StartedBag
 
 # A kill loses what the OS does not have: at most this, plus messages in transit.
-_FLUSH_AFTER, _FLUSH_TICKS = 0.5, 25  # [wall s], ticks
+_FLUSH_AFTER, _FLUSH_TICKS = 0.5, 20  # [wall s], ticks
 _OTHER_RUN = "holds the log of a run that was another one; choose another folder"
 
 
