@@ -10,7 +10,7 @@ from flexslew_lab.budget.contribution import Contribution, ErrorBound, bound_of,
 from flexslew_lab.budget.parts import INTERPRETATIONS, Interpretation
 from flexslew_lab.budget.requirements import Margin, margins_of
 from flexslew_lab.budget.windows import KNOWLEDGE, METRICS, Windows
-from flexslew_lab.guarantee.parameters import Vary
+from flexslew_lab.guarantee.model.parameters import Vary
 from flexslew_lab.short_values import short
 from flexslew_plant.errors import BadInput
 from flexslew_plant.notebook_table import in_notebook

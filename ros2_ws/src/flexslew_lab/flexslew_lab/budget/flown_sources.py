@@ -10,8 +10,8 @@ from flexslew_control.plan import Plan
 from flexslew_lab.budget.contribution import Contribution, drawn, fixed, summed
 from flexslew_lab.budget.error_free import ErrorFlight, error_free, simulate, without_faults
 from flexslew_lab.budget.sources import ObservedLoop
-from flexslew_lab.guarantee.parameters import Uncertain, Vary, uncertain_parameters
-from flexslew_lab.guarantee.situation import Situation, situation_at
+from flexslew_lab.guarantee.model.parameters import Uncertain, Vary, uncertain_parameters
+from flexslew_lab.guarantee.model.situation import Situation, situation_at
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.schedule import ScheduleEntry

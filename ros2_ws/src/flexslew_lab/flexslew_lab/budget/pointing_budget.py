@@ -35,7 +35,7 @@ from flexslew_lab.budget.sources import (
     sensor_sources,
 )
 from flexslew_lab.budget.windows import Windows, windows_of
-from flexslew_lab.guarantee.parameters import Vary
+from flexslew_lab.guarantee.model.parameters import Vary
 from flexslew_lab.trial.trial import Trial, plan_of_trial
 from flexslew_plant.errors import BadInput, FlexslewError
 

@@ -69,14 +69,9 @@ def analyse(
     from flexslew_lab.analysis.proof import verify_margins
     from flexslew_lab.analysis.proof_tables import MARGIN_COLUMNS, margin_rows
     from flexslew_lab.guarantee.flight import guarantee_of
-    from flexslew_lab.guarantee.parameters import vary_of
-    from flexslew_lab.guarantee.tables import (
-        GAIN_COLUMNS,
-        WORST_COLUMNS,
-        gain_rows,
-        worst_case_sections,
-        worst_rows,
-    )
+    from flexslew_lab.guarantee.model.parameters import vary_of
+    from flexslew_lab.guarantee.tables import GAIN_COLUMNS, gain_rows, worst_case_sections
+    from flexslew_lab.guarantee.worst_case import WORST_COLUMNS
     from flexslew_lab.report.page import write_page
     from flexslew_lab.trial.sources import read_trial
 
@@ -112,7 +107,7 @@ def analyse(
                 print_message(f"not flown: {words}")
         if worst is not None:
             print_verdict(worst.verdict)
-            print_table(WORST_COLUMNS, worst_rows(worst.found))
+            print_table(WORST_COLUMNS, worst.found.rows)
             print_table(GAIN_COLUMNS, gain_rows(worst.found))
     if out is not None or not as_json:
         line = _command(requested.name, file, sets, found, checks)

@@ -64,7 +64,7 @@ class MetricOptions:
         """
         from flexslew_lab.budget.budget import BudgetRequest
         from flexslew_lab.budget.requirements import requirements_of
-        from flexslew_lab.guarantee.parameters import vary_of
+        from flexslew_lab.guarantee.model.parameters import vary_of
 
         return BudgetRequest(
             self.controller,

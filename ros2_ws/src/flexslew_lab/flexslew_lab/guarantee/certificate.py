@@ -12,25 +12,25 @@ from time import thread_time
 
 import numpy as np
 
-from flexslew_lab.guarantee.box import corners
-from flexslew_lab.guarantee.cell_cover import (
+from flexslew_lab.guarantee.box import corners_and_inner
+from flexslew_lab.guarantee.cells.cell_cover import (
     Cell,
     cover_by_cells,
     failed_check,
     share_of,
     uncovered,
 )
+from flexslew_lab.guarantee.cells.gain_cells import BoundedCell, bounded_cells, exceeding
 from flexslew_lab.guarantee.deadline import OutOfTimeError, require_time
-from flexslew_lab.guarantee.frequency_cover import Arc, LoopChannels, cover
-from flexslew_lab.guarantee.gain_cells import BoundedCell, bounded_cells, exceeding
-from flexslew_lab.guarantee.scalings import MOST_UNKNOWNS, Scalings
-from flexslew_lab.guarantee.system_fit import system_fit
-from flexslew_lab.guarantee.uncertain_loop import (
+from flexslew_lab.guarantee.fit.dynamics_fit import system_fit
+from flexslew_lab.guarantee.model.uncertain_loop import (
     GainLimit,
     UncertainLoop,
     channels_of,
     structure,
 )
+from flexslew_lab.guarantee.scalings.frequency_cover import Arc, LoopChannels, cover
+from flexslew_lab.guarantee.scalings.multipliers import MOST_UNKNOWNS, Scalings
 from flexslew_plant.arrays import Matrix, Vector
 
 _HALF = 0.5
@@ -147,11 +147,11 @@ def _certified_by_cells(
         OutOfTimeError: if the check is not done at the end.
     """
     if gain is not None:
-        fit, n = system_fit(loop.exact, loop.box, loop.fit.shown), loop.states
-        bounded = bounded_cells(fit, gain.complement, gain.bound, seconds)
+        fit = system_fit(loop.exact, loop.box, loop.fit.shown)
+        bounded = bounded_cells(fit, gain, seconds)
         if bounded is None or uncovered([cell.box for cell in bounded], loop.box) is not None:
             return Certificate((), ended="no cells have this bound")
-        if exceeding(loop.exact, n, gain.complement, gain.bound, bounded, end) is not None:
+        if exceeding(loop, gain, bounded, end) is not None:
             return Certificate((), ended="a check exceeds the bound")
         return _with_stable_points(loop, bounded, end)
     found = cover_by_cells(loop.dynamics, loop.stable, loop.fit, seconds)
@@ -185,12 +185,8 @@ def _with_stable_points(
 
 def _check_points(m: int, parts: int, rng: np.random.Generator) -> Matrix:
     """Return corners and random points of a part, normalised, fewer where there are many parts."""
-    outer = corners(m)
     most = _MOST_CORNERS // parts + 2
-    if len(outer) > most:
-        outer = outer[rng.choice(len(outer), most, replace=False)]
-    inner = rng.uniform(-1.0, 1.0, (min(_POINTS, most), m))
-    return np.vstack((outer, inner)) * (1.0 - 1e-6)
+    return corners_and_inner(m, most, min(_POINTS, most), rng) * (1.0 - 1e-6)
 
 
 def checked(

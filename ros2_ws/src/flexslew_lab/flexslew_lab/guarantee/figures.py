@@ -5,16 +5,16 @@ from time import thread_time
 import numpy as np
 
 from flexslew_lab.guarantee.deadline import OutOfTimeError
-from flexslew_lab.guarantee.frequency_cover import peak
-from flexslew_lab.guarantee.response import grid_of, response_at, sample_points, sizes
-from flexslew_lab.guarantee.scalings import MOST_UNKNOWNS
-from flexslew_lab.guarantee.uncertain_loop import (
+from flexslew_lab.guarantee.model.uncertain_loop import (
     GainLimit,
     UncertainLoop,
     channels_of,
     structure,
 )
-from flexslew_lab.guarantee.varied_loop import VariedLoop
+from flexslew_lab.guarantee.model.varied_loop import VariedLoop
+from flexslew_lab.guarantee.response import grid_of, sample_points, sizes
+from flexslew_lab.guarantee.scalings.frequency_cover import peak
+from flexslew_lab.guarantee.scalings.multipliers import MOST_UNKNOWNS
 from flexslew_lab.guarantee.worst_case import RESPONSES, DisturbanceResponse, WorstCase
 from flexslew_lab.report.panels import Group, Panel, legend, style
 from flexslew_lab.report.sections import Section
@@ -129,8 +129,9 @@ def _band(
 ) -> tuple[Panel, list[str]]:
     limit = GainLimit(1.0, response.complement)
     points = sample_points(loop)
-    angles = grid_of(response_at(loop, points[0], limit).a)
-    curves = [sizes(response_at(loop, delta, limit), angles) for delta in points]
+    responses = [loop.response(loop.box.at(delta), limit) for delta in points]
+    angles = grid_of(responses[0].a)
+    curves = [sizes(system, angles) for system in responses]
     unit = "dB re 1 rad/(N m)" if response.pointing else "dB"
     panel, w = Panel(f"{response.name} to the efforts' disturbance", unit, height=220), angles
     w = angles / found.period
@@ -142,8 +143,7 @@ def _band(
     gain = next((g for g in found.gains if g.name == response.name), None)
     if gain is not None:
         values = np.array([gain.values[p.name] for p in found.parameters])
-        delta = (values - loop.box.centre) / loop.box.radius
-        lines.append(("worst case", sizes(response_at(loop, delta, limit), angles)))
+        lines.append(("worst case", sizes(loop.response(values, limit), angles)))
         if np.isfinite(gain.bound):
             lines.append(("none above", np.full(len(w), gain.bound)))
     for k, (name, values) in enumerate(lines):

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from flexslew_lab.guarantee.box import corners
-from flexslew_lab.guarantee.uncertain_loop import UncertainLoop
+from flexslew_lab.guarantee.box import corners_and_inner
+from flexslew_lab.guarantee.model.uncertain_loop import UncertainLoop
 from flexslew_plant.arrays import Matrix, Vector
 
 _POINTS, _MOST_CORNERS, _ASCENTS = 400, 64, 3
@@ -51,10 +51,7 @@ def breakdown(
         end: of the search, as time.thread_time counts [s]; the nearest one until then is returned.
     """
     m, rng = len(loop.box.centre), np.random.default_rng(seed)
-    starts = corners(m)
-    if len(starts) > _MOST_CORNERS:
-        starts = starts[rng.choice(len(starts), _MOST_CORNERS, replace=False)]
-    starts = np.vstack((starts, rng.uniform(-1.0, 1.0, (_POINTS, m))))
+    starts = corners_and_inner(m, _MOST_CORNERS, _POINTS, rng)
     found, scale = None, 1.0
     if unstable is not None:
         found = _edge(loop, (unstable - loop.box.centre) / loop.box.radius)

@@ -12,7 +12,7 @@ from flexslew_control.analysis.modes import Mode, natural_modes
 from flexslew_control.analysis.rest import Rest, rest_of
 from flexslew_control.analysis.signals import states_of
 from flexslew_lab.analysis.trial_models import Point
-from flexslew_lab.guarantee.mode_changes import ModeChange, mode_key, with_modes
+from flexslew_lab.guarantee.model.mode_changes import ModeChange, mode_key, with_modes
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Testbed, with_changes
