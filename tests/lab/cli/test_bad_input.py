@@ -1,32 +1,18 @@
 """What a person may get wrong: one line that names it, exit code 2, nothing written."""
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from tests.lab.conftest import Call
 
 from flexslew_lab.cli import checkout
-from flexslew_lab.cli.main import main
-
-Call = Callable[..., tuple[int, str, str]]
 
 
-@pytest.fixture
-def call(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> Call:
-    def run(*words: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["flexslew", *map(str, words)])
-        monkeypatch.setenv("COLUMNS", "80")
-        monkeypatch.chdir(tmp_path)
-        with pytest.raises(SystemExit) as end:
-            main()
-        code = end.value.code
-        assert isinstance(code, int)
-        return code, *capfd.readouterr()
-
-    return run
+@pytest.fixture(autouse=True)
+def place(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Run every command in an empty folder."""
+    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize(
