@@ -71,6 +71,10 @@ def place(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         (("switch", "pd_feedforward", "--at", "nan"), "'--at': 'nan' is not allowed"),
         (("switch", "pd_feedforward", "--max-effort-step", "-1"), "--max-effort-step: -1.0"),
         (("live", "--port", "99999"), "--port: 99999"),
+        (
+            ("export", "m1", "--c", "c", "--controller", "pid"),
+            "no such controller; allowed: pd_feedforward",
+        ),
         (("bench", "magic"), "magic is not a benchmark; allowed: "),
         (("trial", "l\udcf6.yaml"), "l\\udcf6.yaml: is no name in utf-8; rename it"),
         (

@@ -1,18 +1,17 @@
 """Subcommand that analyses what flies in a trial."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from shlex import join
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flexslew_lab.cli.compare import Sets, TrialFile
-from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.log import exit_unless
 from flexslew_lab.cli.model import At, Joints, joints_of
 from flexslew_lab.cli.options.option_groups import expand_options
+from flexslew_lab.cli.options.shared import Json, PageFile, Sets, TrialFile
 from flexslew_lab.cli.terminal import link, print_message, print_table, print_verdict
-from flexslew_lab.json_text import json_text
+from flexslew_lab.json_text import finite, json_text
 from flexslew_lab.progress import display_progress
 from flexslew_lab.trial.outputs import check_output_file, new_file
 from flexslew_plant.errors import BadInput
@@ -48,9 +47,7 @@ def analyse(
     ] = None,
     at: At = None,
     rest: Joints = None,
-    out: Annotated[
-        Path | None, typer.Option(help="HTML file; default: a new one below runs/.")
-    ] = None,
+    out: PageFile = None,
     *,
     checks: CheckOptions,
     as_json: Json = False,
@@ -64,7 +61,7 @@ def analyse(
 
     Example: `./flexslew analyse m1 --at 25`
     """
-    from flexslew_lab.analysis.analysis import finite, loop_analysis
+    from flexslew_lab.analysis.analysis import loop_analysis
     from flexslew_lab.analysis.page import analysis_page, summary_rows
     from flexslew_lab.analysis.proof import verify_margins
     from flexslew_lab.analysis.proof_tables import MARGIN_COLUMNS, margin_rows
@@ -114,8 +111,7 @@ def analyse(
         more = [] if worst is None else worst_case_sections(worst, line)
         page = write_page(analysis_page(found, requested.name, proof, more), target)
         print_message(f"written {link(page)}")
-    if not _fulfilled(found, proof, worst):
-        raise typer.Exit(1)
+    exit_unless(_fulfilled(found, proof, worst))
 
 
 def _command(

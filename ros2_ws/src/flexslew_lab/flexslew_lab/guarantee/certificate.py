@@ -34,6 +34,7 @@ from flexslew_lab.guarantee.scalings.multipliers import MOST_UNKNOWNS, Scalings
 from flexslew_plant.arrays import Matrix, Vector
 
 _HALF = 0.5
+_MOST_PARTS = 64  # of the box
 _ATTEMPTS = 4  # of the time that is left, for one part
 _LIGHT, _RIGID = 0.01, 1e-9  # damping ratio; modulus of a pole that decays at once
 _SLOW = 0.2  # of a pole's angle: a pole nearer to the circle is one of the first frequencies
@@ -76,14 +77,13 @@ class Certificate:
 
 
 def certify(
-    loop: UncertainLoop, gain: GainLimit | None = None, parts: int = 64, seconds: float = 30.0
+    loop: UncertainLoop, gain: GainLimit | None = None, seconds: float = 30.0
 ) -> Certificate:
     """Return a certificate of robust stability over the loop's box, and of a gain.
 
     Args:
         loop: over its box.
         gain: to be bounded, or None.
-        parts: largest number of parts of the box.
         seconds: of the processor for all of it; the certificate then names what is open.
     """
     end, by_cells = thread_time() + seconds, ""
@@ -102,12 +102,10 @@ def certify(
         size = f"{loop.states} states and {len(loop.box.centre)} parameters"
         words = f"{by_cells}{unknowns} scalings of {size} are too many (at most {MOST_UNKNOWNS})"
         return Certificate((), ended=words)
-    return _certified_by_scalings(loop, gain, parts, end)
+    return _certified_by_scalings(loop, gain, end)
 
 
-def _certified_by_scalings(
-    loop: UncertainLoop, gain: GainLimit | None, parts: int, end: float
-) -> Certificate:
+def _certified_by_scalings(loop: UncertainLoop, gain: GainLimit | None, end: float) -> Certificate:
     waiting: list[tuple[UncertainLoop, list[float]]] = [(loop, [])]
     proved: list[CertifiedPart] = []
     while waiting:
@@ -120,7 +118,7 @@ def _certified_by_scalings(
         if found.open_at is None:
             proved.append(CertifiedPart(part, found.arcs))
             continue
-        if len(proved) + len(waiting) + 2 > parts or thread_time() > end:
+        if len(proved) + len(waiting) + 2 > _MOST_PARTS or thread_time() > end:
             words = f"{len(proved)} of {len(proved) + len(waiting) + 1} parts of the box are proved"
             return Certificate(tuple(proved), open_at=found.open_at, ended=words)
         axis = _axis(channels, scalings, found.open_at, part.form.sizes)

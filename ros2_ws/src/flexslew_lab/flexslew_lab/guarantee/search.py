@@ -40,17 +40,16 @@ class Breakdown(NamedTuple):
 
 
 def breakdown(
-    loop: UncertainLoop, unstable: Vector | None = None, seed: int = 1, end: float = np.inf
+    loop: UncertainLoop, unstable: Vector | None = None, end: float = np.inf
 ) -> Breakdown | None:
     """Return the nearest loop that is not stable, as a search has found it, or None.
 
     Args:
         loop: over the largest box to be searched.
         unstable: values of a loop that is not stable, where the search begins, or None.
-        seed: of random starts.
         end: of the search, as time.thread_time counts [s]; the nearest one until then is returned.
     """
-    m, rng = len(loop.box.centre), np.random.default_rng(seed)
+    m, rng = len(loop.box.centre), np.random.default_rng(1)
     starts = corners_and_inner(m, _MOST_CORNERS, _POINTS, rng)
     found, scale = None, 1.0
     if unstable is not None:

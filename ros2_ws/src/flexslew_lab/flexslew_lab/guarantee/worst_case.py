@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_lab.analysis.analysis import finite
 from flexslew_lab.guarantee.box import Box
 from flexslew_lab.guarantee.certificate import Certificate
 from flexslew_lab.guarantee.fit.polynomial import FitError
 from flexslew_lab.guarantee.model.parameters import Uncertain, box_of, loop_values
 from flexslew_lab.guarantee.search import Breakdown
+from flexslew_lab.json_text import finite
 from flexslew_plant.notebook_table import in_notebook
 
 

@@ -6,8 +6,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import schur, solve_sylvester
 
+from flexslew_lab.analysis.separation import LinearPart, separated_parts
 from flexslew_lab.guarantee.box import Box, halves
 from flexslew_lab.guarantee.fit.dynamics_fit import DynamicsFit, dynamics_fit
 from flexslew_lab.guarantee.fit.fractional import Fractional, fractional_over
@@ -100,20 +100,10 @@ def channels_of(
 
 
 def _reduced(whole: LoopChannels) -> LoopChannels:
-    """Return the channels without poles on the circle, rigid motions that the loop does not show.
-
-    A real Schur form puts them last, and Sylvester's equation separates them.
-    """
-    a, basis, kept = schur(whole.a, sort=_decays)
-    if kept == len(a):
-        return whole
-    coupling = solve_sylvester(a[:kept, :kept], -a[kept:, kept:], -a[:kept, kept:])
-    b, c = basis.T @ whole.b, whole.c @ basis
-    return LoopChannels(a[:kept, :kept], b[:kept] - coupling @ b[kept:], c[:, :kept], whole.d)
-
-
-def _decays(real: float, imaginary: float = 0.0) -> bool:
-    return abs(complex(real, imaginary)) < 1.0 - _RIGID
+    """Return the channels without poles on the circle, rigid motions that no channel shows."""
+    part = LinearPart(whole.a, whole.b, whole.c)
+    seen, _ = separated_parts(part, lambda z: abs(z) < 1.0 - _RIGID)
+    return LoopChannels(*seen, whole.d) if len(seen.a) < len(whole.a) else whole
 
 
 def structure(loop: UncertainLoop, gain: GainLimit | None = None) -> DeltaBlocks:
