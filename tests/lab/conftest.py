@@ -1,6 +1,7 @@
-"""Bags with a motion that is known in closed form, written as the recorder writes them."""
+"""Bags with a motion that is known in closed form, and the command line as a function."""
 
 import json
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
+from flexslew_lab.cli.main import main
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import encode
 from flexslew_lab.log.recording.bag_writer import BagWriter
@@ -20,6 +22,7 @@ LIMIT = 40.0
 TRIAL = {"name": "synthetic", "seed": 1, "testbed": {"kind": "csa", "modes": 2}}
 
 Message = tuple[str, bytes, int]
+Call = Callable[..., tuple[int, str, str]]
 
 
 def state(t: float) -> tuple[np.ndarray, np.ndarray]:
@@ -133,3 +136,18 @@ def write_bag(messages: list[Message]) -> Callable[..., Path]:
 @pytest.fixture(scope="session")
 def bag(tmp_path_factory: pytest.TempPathFactory, write_bag: Callable[..., Path]) -> Path:
     return write_bag(tmp_path_factory.mktemp("bags") / "run")
+
+
+@pytest.fixture
+def call(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Call:
+    """Return the command line as a function of words: exit code, output and messages."""
+
+    def run(*words: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["flexslew", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        assert end.value.code is None or isinstance(end.value.code, int)
+        return end.value.code or 0, *capfd.readouterr()
+
+    monkeypatch.setenv("COLUMNS", "300")
+    return run

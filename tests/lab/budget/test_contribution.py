@@ -6,11 +6,11 @@ import pytest
 from flexslew_lab.budget.contribution import (
     ErrorParts,
     bound_of,
-    drawn,
-    fixed,
+    drawn_parts,
+    fixed_parts,
     half_width,
-    noisy,
-    summed,
+    noise_parts,
+    sum_parts,
 )
 from flexslew_plant.errors import BadInput
 
@@ -38,13 +38,13 @@ def test_a_level_that_is_no_probability_is_refused(level: float) -> None:
 
 @pytest.mark.parametrize("interpretation", ["mixed", "temporal", "ensemble"])
 def test_a_white_noise_is_bounded_by_its_half_width(interpretation: str) -> None:
-    parts = noisy({"APE": np.full((_POINTS, 1), 4.0)})["APE"]
+    parts = noise_parts({"APE": np.full((_POINTS, 1), 4.0)})["APE"]
     assert _value(parts, interpretation) == pytest.approx(2.0 * half_width(0.9973), rel=1e-6)
 
 
 @pytest.mark.parametrize("interpretation", ["mixed", "temporal", "ensemble"])
 def test_a_constant_is_bounded_by_itself(interpretation: str) -> None:
-    parts = fixed({"APE": _NONE - 0.5})["APE"]
+    parts = fixed_parts({"APE": _NONE - 0.5})["APE"]
     assert _value(parts, interpretation) == pytest.approx(0.5)
 
 
@@ -68,15 +68,17 @@ def test_the_mixed_bound_contains_its_share_of_all_members() -> None:
 
 def test_the_interpretations_differ_for_what_members_draw() -> None:
     """Of a constant per member, the worst member keeps it for all time; mixed does, too."""
-    parts = drawn({"APE": _NONE + 2.0})["APE"]
+    parts = drawn_parts({"APE": _NONE + 2.0})["APE"]
     assert _value(parts, "temporal") == pytest.approx(2.0 * half_width(0.9973))
-    both = summed([parts, noisy({"APE": _NONE + 1.0})["APE"]])
+    both = sum_parts([parts, noise_parts({"APE": _NONE + 1.0})["APE"]])
     width = half_width(0.9973)
     assert _value(both, "mixed") == pytest.approx(width * np.sqrt(5.0), rel=1e-6)
     assert _value(both, "temporal") > _value(both, "mixed")
 
 
 def test_errors_of_one_run_add_with_their_signs_and_variances_add() -> None:
-    total = summed([ErrorParts(_SINE, _NONE + 1.0, _NONE), ErrorParts(-_SINE, _NONE, _NONE + 2.0)])
+    total = sum_parts(
+        [ErrorParts(_SINE, _NONE + 1.0, _NONE), ErrorParts(-_SINE, _NONE, _NONE + 2.0)]
+    )
     assert abs(total.fixed).max() == 0.0
     assert float(bound_of(total, "mixed", 1.0).deviation[0]) == pytest.approx(np.sqrt(3.0))

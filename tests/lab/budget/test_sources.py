@@ -8,7 +8,7 @@ import pytest
 from flexslew_control.plan import Plan
 from flexslew_lab.budget.budget import Budget, BudgetRequest
 from flexslew_lab.budget.contribution import Contribution
-from flexslew_lab.budget.error_free import error_free, simulate, without_faults
+from flexslew_lab.budget.error_free import error_free, simulate
 from flexslew_lab.budget.pointing_budget import pointing_budget
 from flexslew_lab.budget.windows import KNOWLEDGE, METRICS
 from flexslew_lab.trial.sources import read_trial
@@ -47,7 +47,7 @@ def alone(name: str, *sets: str, source: str) -> Alone:
 
 
 def quiet(trial: Trial) -> Trial:
-    return without_faults(error_free(trial))
+    return error_free(trial)
 
 
 def flight(design: Trial, bench: Trial, plan: Plan | None, budget: Budget) -> np.ndarray:

@@ -1,14 +1,13 @@
 """Antennas that cannot turn so: one line that says which key and what is allowed, nothing flown."""
 
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.lab.conftest import Call
 
-from flexslew_lab.cli.main import main
 from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_plant.errors import BadInput
 
@@ -25,32 +24,21 @@ TWINS = {"testbed.actuators.twin": ACTUATOR}  # of y
 
 
 @pytest.fixture
-def refused(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> Fly:
+def refused(call: Call, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Fly:
     """Return what flies a shipped trial with some keys set, and gives back why it was refused."""
 
     def fly(name: str, keys: dict[str, Any]) -> str:
-        sets = [word for key, value in keys.items() for word in ("--set", f"{key}={_yaml(value)}")]
-        words = ["flexslew", "trial", name, "--in-process", *sets, "--out", str(tmp_path / "run")]
-        monkeypatch.setattr(sys, "argv", words)
-        monkeypatch.setenv("COLUMNS", "2000")
-        monkeypatch.chdir(tmp_path)
-        with pytest.raises(SystemExit) as end:
-            main()
-        out, err = capfd.readouterr()
-        assert end.value.code == 2, err
-        assert out == ""
+        sets = [w for key, value in keys.items() for w in ("--set", f"{key}={json.dumps(value)}")]
+        code, out, err = call("trial", name, "--in-process", *sets, "--out", tmp_path / "run")
+        assert (code, out) == (2, ""), err
         assert len(err.strip().splitlines()) == 1
         assert err.startswith("error: ")
         assert not list(tmp_path.iterdir())
         return err
 
+    monkeypatch.setenv("COLUMNS", "2000")
+    monkeypatch.chdir(tmp_path)
     return fly
-
-
-def _yaml(value: Any) -> str:
-    return json.dumps(value)
 
 
 def hinge(name: str) -> str:

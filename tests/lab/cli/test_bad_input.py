@@ -1,32 +1,18 @@
 """What a person may get wrong: one line that names it, exit code 2, nothing written."""
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from tests.lab.conftest import Call
 
 from flexslew_lab.cli import checkout
-from flexslew_lab.cli.main import main
-
-Call = Callable[..., tuple[int, str, str]]
 
 
-@pytest.fixture
-def call(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> Call:
-    def run(*words: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["flexslew", *map(str, words)])
-        monkeypatch.setenv("COLUMNS", "80")
-        monkeypatch.chdir(tmp_path)
-        with pytest.raises(SystemExit) as end:
-            main()
-        code = end.value.code
-        assert isinstance(code, int)
-        return code, *capfd.readouterr()
-
-    return run
+@pytest.fixture(autouse=True)
+def place(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Run every command in an empty folder."""
+    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -85,6 +71,10 @@ def call(
         (("switch", "pd_feedforward", "--at", "nan"), "'--at': 'nan' is not allowed"),
         (("switch", "pd_feedforward", "--max-effort-step", "-1"), "--max-effort-step: -1.0"),
         (("live", "--port", "99999"), "--port: 99999"),
+        (
+            ("export", "m1", "--c", "c", "--controller", "pid"),
+            "no such controller; allowed: pd_feedforward",
+        ),
         (("bench", "magic"), "magic is not a benchmark; allowed: "),
         (("trial", "l\udcf6.yaml"), "l\\udcf6.yaml: is no name in utf-8; rename it"),
         (

@@ -1,20 +1,14 @@
 """The subcommands about logs: what they print, their JSON and their exit codes."""
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from flexslew_lab.cli.main import main as cli
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 
-COMMANDS = (
-    *(["log", name] for name in ("info", "check", "export", "recover")),
-    *([name] for name in ("recover", "resim", "check", "play", "live")),
-)
 TRIAL = """
 name: logged
 duration: 2.0
@@ -28,27 +22,6 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("logged") / "run"
     run_trial(parse_trial(TRIAL, "test"), "test", folder, in_process=True, report=False)
     return folder
-
-
-@pytest.fixture
-def call(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
-    def run(*words: Any) -> tuple[Any, Any, Any]:
-        monkeypatch.setattr(sys, "argv", ["flexslew", *map(str, words)])
-        monkeypatch.setenv("COLUMNS", "200")
-        with pytest.raises(SystemExit) as end:
-            cli()
-        out, err = capfd.readouterr()
-        return end.value.code, out, err
-
-    return run
-
-
-@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
-def test_every_help_holds_an_example(call: Any, words: Any) -> None:
-    code, out, _ = call(*words, "--help")
-    assert code == 0
-    assert "Example: " in out
-    assert "./flexslew " in out.split("Example: ")[1]
 
 
 def test_info_says_what_is_in_the_bag(call: Any, flown: Any) -> None:

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.lab.conftest import Call
 from typer.main import get_command
 
-from flexslew_lab.cli.main import app, main
+from flexslew_lab.cli.main import app
 
 ROOT = Path(__file__).parents[3]
 
@@ -28,30 +29,18 @@ def commands(within: Any, *path: str) -> Iterator[tuple[tuple[str, ...], Any]]:
         yield from commands(command, *path, name)
 
 
-def said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> str:
-    monkeypatch.setattr(sys, "argv", ["flexslew", *words])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 0
-    return capsys.readouterr().out
-
-
-def test_the_version_is_that_of_the_package(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_version_is_that_of_the_package(call: Call) -> None:
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
-    assert said(monkeypatch, capsys, "--version") == f"flexslew {version}\n"
+    assert call("--version") == (0, f"flexslew {version}\n", "")
 
 
-def test_help_comes_in_groups_and_a_flag_has_no_type(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    whole = said(monkeypatch, capsys, "--help")
+def test_help_comes_in_groups_and_a_flag_has_no_type(call: Call) -> None:
+    whole = call("--help")[1]
     assert whole.index("Fly and plan") < whole.index("Operate a running bench")
     assert "─ Commands" not in whole  # nothing stands outside of the groups
     for words in (["--help"], ["trial", "--help"], ["study", "run", "--help"]):
-        assert "bool" not in said(monkeypatch, capsys, *words)
-    assert "<float>" in said(monkeypatch, capsys, "trial", "--help")
+        assert "bool" not in call(*words)[1]
+    assert "<float>" in call("trial", "--help")[1]
 
 
 @pytest.mark.parametrize(
@@ -63,17 +52,10 @@ def test_help_comes_in_groups_and_a_flag_has_no_type(
         ("flexslew study re", ["report"]),
     ],
 )
-def test_a_shell_completes_commands_and_trials(
-    line: str,
-    found: list[str],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_shell_completes_commands_and_trials(line: str, found: list[str], call: Call) -> None:
     words = line.split()
     ask = f"COMP_WORDS=({shlex.join(words)}) COMP_CWORD={len(words) - 1} && _flexslew"
-    script = (
-        f"{said(monkeypatch, capsys, 'completion', 'bash')}\n{ask}\nprintf '%s ' ${{COMPREPLY[@]}}"
-    )
+    script = f"{call('completion', 'bash')[1]}\n{ask}\nprintf '%s ' ${{COMPREPLY[@]}}"
     done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
     assert sorted(done.stdout.split()) == found
 

@@ -12,6 +12,12 @@ HEAVY = ("numpy", "scipy", "numba", "plotly", "pyarrow", "casadi", "rclpy", "ros
 DESIGN = ("control", "ctrlsys", "matplotlib", "daqp", "optuna")  # what no flight needs
 
 
+def printed(program: str) -> str:
+    """Return the output of a program of its own."""
+    words = [sys.executable, "-c", program]
+    return subprocess.run(words, capture_output=True, text=True, check=True).stdout
+
+
 @pytest.mark.parametrize(
     "arguments",
     representatives(
@@ -26,11 +32,9 @@ def test_help_loads_no_numerics(arguments: list[str]) -> None:
         "try: main()\n"
         f"finally: print('loaded:', sorted(set({HEAVY + DESIGN}) & set(sys.modules)))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
-    assert "Usage" in done.stdout
-    assert done.stdout.splitlines()[-1] == "loaded: []"
+    out = printed(program)
+    assert "Usage" in out
+    assert out.splitlines()[-1] == "loaded: []"
 
 
 def test_import_flexslew_loads_no_numerics_and_a_flight_no_statistics() -> None:
@@ -40,10 +44,8 @@ def test_import_flexslew_loads_no_numerics_and_a_flight_no_statistics() -> None:
         "fs.fly(fs.trial('m1', {'duration': 0.1, 'plan': None}))\n"
         f"print('loaded:', sorted({{'scipy.stats', 'scipy.signal', 'plotly'}} & set(sys.modules)))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
-    assert done.stdout == "loaded: []\nloaded: []\n"
+    out = printed(program)
+    assert out == "loaded: []\nloaded: []\n"
 
 
 def test_every_command_that_operates_a_bench_joins_its_graph_early() -> None:
@@ -57,10 +59,8 @@ def test_a_trial_is_read_without_what_takes_longer_to_load_than_all_else() -> No
         "import flexslew_lab.trial.trial\n"
         "print('loaded:', sorted({'scipy.stats', 'scipy.signal'} & set(sys.modules)))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
-    assert done.stdout == "loaded: []\n"
+    out = printed(program)
+    assert out == "loaded: []\n"
 
 
 @pytest.mark.slow
@@ -73,7 +73,5 @@ def test_a_flight_and_its_nodes_load_nothing_of_the_design_side() -> None:
         "fly(trial('m1', {'duration': 0.1, 'plan': None}))\n"
         f"print('loaded:', sorted(set({DESIGN}) & set(sys.modules)))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.splitlines()[-1] == "loaded: []"
+    out = printed(program)
+    assert out.splitlines()[-1] == "loaded: []"

@@ -1,11 +1,8 @@
 """The command `plan` with a trajectory of another tool."""
 
-import sys
 from pathlib import Path
 
-import pytest
-
-from flexslew_lab.cli.main import main
+from tests.lab.conftest import Call
 
 SLEW = """
 joint_names: [base_yaw]
@@ -14,17 +11,12 @@ points:
 """
 
 
-def test_the_shapers_that_were_compared_are_printed_as_a_table(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_shapers_that_were_compared_are_printed_as_a_table(tmp_path: Path, call: Call) -> None:
     (tmp_path / "slew.yaml").write_text(SLEW)
     section = f"{{method: input_shaping, trajectory: {tmp_path / 'slew.yaml'}, shaper: auto}}"
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr(sys, "argv", ["flexslew", "plan", "m1", "--set", f"plan={section}"])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 0
-    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    code, out, _ = call("plan", "m1", "--set", f"plan={section}")
+    assert code == 0
+    lines = [line.split() for line in out.splitlines()]
     head = lines.index(["shaper", "delay", "[s]", "smoothing", "[s]", "residual", "[%]"])
     rows = [line for line in lines[head + 1 :] if len(line) == 4]
     chosen = next(line for line in lines if line[:1] == ["shaper_choice"])[1]

@@ -1,14 +1,13 @@
 """What a file says is shown on a terminal, and obeyed by none."""
 
 import ast
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from tests.lab.conftest import Call
 
 from flexslew_lab.cli import terminal
-from flexslew_lab.cli.main import main
 from flexslew_lab.cli.terminal import print_line, print_message, print_table
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import encode
@@ -61,21 +60,13 @@ def test_commands_print_through_one_door(path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", [["log", "info"], ["log", "check"], ["recover"]])
-def test_no_event_of_a_log_is_obeyed(
-    tmp_path: Path,
-    command: list[str],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_no_event_of_a_log_is_obeyed(tmp_path: Path, command: list[str], call: Call) -> None:
     told = {"kind": "recording_stopped", "data": "{}", "message": HOSTILE, "source": HOSTILE}
     with BagWriter(tmp_path / "bag", {"trial": f"name: '{TITLE!a}'"}) as writer:
         writer.write("/events", TOPICS["/events"].type, encode(TOPICS["/events"].type, told), 1)
-    monkeypatch.setattr(sys, "argv", ["flexslew", *command, str(tmp_path / "bag")])
-    with pytest.raises(SystemExit):
-        main()
-    out = capsys.readouterr()
-    assert out.out
-    assert not obeyed(out.out + out.err)
+    _, out, err = call(*command, tmp_path / "bag")
+    assert out
+    assert not obeyed(out + err)
 
 
 def test_a_table_for_a_program_has_a_line_for_each_row(

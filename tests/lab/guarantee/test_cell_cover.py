@@ -6,13 +6,13 @@ from scipy.linalg import block_diag, expm
 
 from flexslew_lab.analysis.analysis import loop_analysis
 from flexslew_lab.guarantee.box import Box, corners
-from flexslew_lab.guarantee.cell_cover import cover_by_cells, failed_check
+from flexslew_lab.guarantee.cells.cell_cover import cover_by_cells, failed_check
+from flexslew_lab.guarantee.cells.modal_cell import modal_cell
 from flexslew_lab.guarantee.certificate import certify
-from flexslew_lab.guarantee.dynamics_fit import dynamics_fit
-from flexslew_lab.guarantee.modal_cell import modal_cell
-from flexslew_lab.guarantee.parameters import box_of
+from flexslew_lab.guarantee.fit.dynamics_fit import dynamics_fit
+from flexslew_lab.guarantee.model.parameters import box_of
+from flexslew_lab.guarantee.model.varied_loop import default_vary, varied_loop
 from flexslew_lab.guarantee.search import breakdown
-from flexslew_lab.guarantee.varied_loop import default_vary, varied_loop
 from flexslew_lab.notebook import trial
 
 BOX = Box(np.array([1.0, 1.0]), np.array([0.1, 0.1]))  # stiffness and inertia

@@ -5,8 +5,8 @@ import pytest
 
 from flexslew_lab.guarantee.box import Box
 from flexslew_lab.guarantee.certificate import certify
-from flexslew_lab.guarantee.scalings import MOST_UNKNOWNS
-from flexslew_lab.guarantee.uncertain_loop import GainLimit, UncertainLoop
+from flexslew_lab.guarantee.model.uncertain_loop import GainLimit, UncertainLoop
+from flexslew_lab.guarantee.scalings.multipliers import MOST_UNKNOWNS
 
 STATES = 12
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from flexslew_lab.guarantee.box import Box
-from flexslew_lab.guarantee.fractional import fractional_over
+from flexslew_lab.guarantee.fit.fractional import fractional_over
 from flexslew_plant.errors import BadInput
 
 BOX = Box(np.array([2.0, 1.0]), np.array([0.4, 0.3]))

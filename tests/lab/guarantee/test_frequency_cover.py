@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from flexslew_lab.guarantee.delta_blocks import DeltaBlocks
-from flexslew_lab.guarantee.frequency_cover import LoopChannels, cover
-from flexslew_lab.guarantee.scalings import Scalings
+from flexslew_lab.guarantee.scalings.delta_blocks import DeltaBlocks
+from flexslew_lab.guarantee.scalings.frequency_cover import LoopChannels, cover
+from flexslew_lab.guarantee.scalings.multipliers import Scalings
 
 DISTANCE = 1e-6  # of the pole from the unit circle
 ANGLE = 0.777

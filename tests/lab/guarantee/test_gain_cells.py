@@ -5,11 +5,11 @@ import pytest
 from scipy.linalg import block_diag, expm
 
 from flexslew_lab.guarantee.box import Box
-from flexslew_lab.guarantee.dynamics_fit import dynamics_fit
-from flexslew_lab.guarantee.frequency_cover import LoopChannels
-from flexslew_lab.guarantee.gain_cell import gain_cell
-from flexslew_lab.guarantee.gain_cells import bounded_cells, exceeding
-from flexslew_lab.guarantee.system_fit import system_fit
+from flexslew_lab.guarantee.cells.gain_cell import gain_cell
+from flexslew_lab.guarantee.cells.gain_cells import bounded_cells, exceeding
+from flexslew_lab.guarantee.fit.dynamics_fit import dynamics_fit, system_fit
+from flexslew_lab.guarantee.model.uncertain_loop import GainLimit, UncertainLoop
+from flexslew_lab.guarantee.scalings.frequency_cover import LoopChannels
 
 BOX = Box(np.array([1.0, 1.0]), np.array([0.1, 0.1]))  # stiffness and inertia
 STATES = 4
@@ -60,11 +60,12 @@ def test_a_peak_is_bounded_within_a_fifth_and_not_below_the_truth() -> None:
     grid = np.linspace(-1.0, 1.0, 9)
     truth = max(largest(BOX.at(np.array([x, y]))) for x in grid for y in grid)
     fit = system_fit(system, BOX, dynamics_fit(lambda p: system(p)[:4, :4], BOX).shown)
-    cells = bounded_cells(fit, False, 1.2 * truth, 600.0)
+    cells = bounded_cells(fit, GainLimit(1.2 * truth), 600.0)
     assert cells is not None
-    assert exceeding(system, STATES, False, 1.2 * truth, cells) is None
-    assert exceeding(system, STATES, False, 0.5 * truth, cells) is not None
-    assert bounded_cells(fit, False, 0.98 * truth, 3.0) is None
+    loop = UncertainLoop(BOX, STATES, system, lambda p: True)
+    assert exceeding(loop, GainLimit(1.2 * truth), cells) is None
+    assert exceeding(loop, GainLimit(0.5 * truth), cells) is not None
+    assert bounded_cells(fit, GainLimit(0.98 * truth), 3.0) is None
 
 
 @pytest.mark.parametrize("damping", [0.0, -0.01])
@@ -75,4 +76,4 @@ def test_a_loop_that_is_not_stable_has_no_bound(damping: float) -> None:
         return s
 
     fit = system_fit(unstable, BOX, np.eye(STATES))
-    assert bounded_cells(fit, False, 1e6, 2.0) is None
+    assert bounded_cells(fit, GainLimit(1e6), 2.0) is None

@@ -6,8 +6,8 @@ import pytest
 from flexslew_lab.analysis.analysis import Analysis, loop_analysis
 from flexslew_lab.guarantee.bounds import worst_case_of
 from flexslew_lab.guarantee.flight import guarantee_of
-from flexslew_lab.guarantee.parameters import Vary
-from flexslew_lab.guarantee.situation import Situation, situation_at
+from flexslew_lab.guarantee.model.parameters import Vary
+from flexslew_lab.guarantee.model.situation import Situation, situation_at
 from flexslew_lab.notebook import trial
 from flexslew_plant.errors import BadInput
 

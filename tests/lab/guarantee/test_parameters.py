@@ -2,7 +2,7 @@
 
 import pytest
 
-from flexslew_lab.guarantee.parameters import Spread, vary_of
+from flexslew_lab.guarantee.model.parameters import Spread, vary_of
 from flexslew_plant.errors import BadInput
 
 

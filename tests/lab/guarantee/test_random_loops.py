@@ -4,8 +4,8 @@ import numpy as np
 
 from flexslew_lab.guarantee.box import Box
 from flexslew_lab.guarantee.certificate import certify
+from flexslew_lab.guarantee.model.uncertain_loop import UncertainLoop
 from flexslew_lab.guarantee.search import breakdown
-from flexslew_lab.guarantee.uncertain_loop import UncertainLoop
 
 STATES, PARAMETERS = 5, 2
 GRID = np.linspace(-1.0, 1.0, 61)

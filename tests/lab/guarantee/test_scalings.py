@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from flexslew_control.analysis.loop import Complex
-from flexslew_lab.guarantee.delta_blocks import DeltaBlocks
-from flexslew_lab.guarantee.scalings import Scalings
+from flexslew_lab.guarantee.scalings.delta_blocks import DeltaBlocks
+from flexslew_lab.guarantee.scalings.multipliers import Scalings
 
 
 def with_real_eigenvalue(size: int, value: float) -> Complex:

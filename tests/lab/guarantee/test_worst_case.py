@@ -16,9 +16,9 @@ from flexslew_lab.analysis.page import analysis_page
 from flexslew_lab.cli.main import app
 from flexslew_lab.guarantee.bounds import worst_case_of
 from flexslew_lab.guarantee.flight import guarantee_of
-from flexslew_lab.guarantee.parameters import Vary, box_of
+from flexslew_lab.guarantee.model.parameters import Vary, box_of
+from flexslew_lab.guarantee.model.varied_loop import varied_loop
 from flexslew_lab.guarantee.tables import worst_case_sections
-from flexslew_lab.guarantee.varied_loop import varied_loop
 from flexslew_lab.notebook import trial
 from flexslew_plant.errors import BadInput
 
@@ -148,6 +148,6 @@ def test_an_uncertain_model_is_the_sampled_plant_at_every_value(tmp_path: Path) 
     assert model.system.nstates == len(plant.a)
     model.save(tmp_path / "plant.mat")
     kept = loadmat(tmp_path / "plant.mat")
-    assert kept["blk"][0].tolist() == [-model.sizes[0], 0.0]
+    assert kept["blk"][0].tolist() == [-model.form.sizes[0], 0.0]
     with pytest.raises(BadInput, match=r"ends in \.mat"):
         model.save(tmp_path / "plant.txt")

@@ -1,14 +1,13 @@
 """Outputs that are accelerations: efforts reach them at once, before or after the tick."""
 
 import json
-import sys
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.lab.conftest import Call
 
-from flexslew_lab.cli.main import main
 from flexslew_lab.identification.modal.modes import ModalModel, identify_modes
 from flexslew_lab.identification.modal.oscillators import Oscillator
 from flexslew_lab.identification.records.foreign import external_record
@@ -90,18 +89,13 @@ def test_an_acceleration_where_the_effort_is_unknown_is_refused(tmp_path: Path) 
         identify_modes(gappy)
 
 
-def test_the_command_writes_numbers_and_no_nan(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_writes_numbers_and_no_nan(tmp_path: Path, call: Call) -> None:
     one = record()
     rows = np.column_stack((one.times, np.append(one.effort, 0.0), one.measured))
     np.savetxt(tmp_path / "lab.txt", rows, header="t u a")
     words = f"identify {tmp_path}/lab.txt --out {tmp_path}/out --json --inputs u=hub"
-    monkeypatch.setattr(sys, "argv", f"flexslew {words} --outputs a=acc.tip --band 0.5,9".split())
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert not ended.value.code
-    printed = capfd.readouterr().out
+    code, printed, _ = call(*words.split(), "--outputs", "a=acc.tip", "--band", "0.5,9")
+    assert not code
     text = printed[printed.index("{\n") : printed.rindex("}") + 1]
     assert len(json.loads(text)["modes"]) == 2
     assert "NaN" not in text

@@ -1,7 +1,6 @@
 """`flexslew identify` on runs and on files of other benches: files, page, JSON, refusals."""
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,6 @@ import pytest
 from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_typestore
 
-from flexslew_lab.cli.main import main as cli
 from flexslew_lab.identification.identification import experiment_of, identify
 from flexslew_lab.identification.records.foreign import external_record
 from flexslew_lab.identification.records.from_bag import bag_of, record_of
@@ -44,19 +42,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("shaken") / "run"
     run_trial(parse_trial(TRIAL, "test"), "test", folder, in_process=True, report=False)
     return folder
-
-
-@pytest.fixture
-def call(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
-    def run_words(*words: Any) -> tuple[Any, str, str]:
-        monkeypatch.setattr(sys, "argv", ["flexslew", *map(str, words)])
-        monkeypatch.setenv("COLUMNS", "300")
-        with pytest.raises(SystemExit) as end:
-            cli()
-        out, err = capfd.readouterr()
-        return end.value.code, out, err
-
-    return run_words
 
 
 def test_a_run_gives_a_model_that_is_believed_a_page_and_numbers(

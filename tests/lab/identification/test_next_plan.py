@@ -1,15 +1,14 @@
 """A bench whose payload has changed learns from a manoeuvre what the next one gains."""
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.lab.conftest import Call
 from tests.representatives import representatives
 
-from flexslew_lab.cli.main import main as cli
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.overrides import override_values
 from flexslew_lab.trial.sources import read_trial
@@ -28,20 +27,11 @@ def slew(folder: Path, free_mass: float, believed: dict[str, Any] | None = None)
     return run_trial(trial, "test", folder, in_process=True, report=False)
 
 
-def identify(capfd: Any, monkeypatch: Any, *words: Any) -> tuple[Any, str, str]:
-    monkeypatch.setattr(sys, "argv", ["flexslew", "identify", *map(str, words)])
-    with pytest.raises(SystemExit) as end:
-        cli()
-    return end.value.code, *capfd.readouterr()
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("free_mass", representatives([0.7, 1.4], 1.4))
-def test_the_next_plan_is_better_as_foretold(
-    tmp_path: Path, capfd: Any, monkeypatch: Any, free_mass: float
-) -> None:
+def test_the_next_plan_is_better_as_foretold(tmp_path: Path, call: Call, free_mass: float) -> None:
     first = slew(tmp_path / "first", free_mass)
-    code, out, _ = identify(capfd, monkeypatch, tmp_path / "first", "--replan", "--json")
+    code, out, _ = call("identify", tmp_path / "first", "--replan", "--json")
     assert code == 0
     told = json.loads(out[out.index("{\n") : out.rindex("}") + 1])
     (mode,) = told["modes"]
@@ -57,11 +47,11 @@ def test_the_next_plan_is_better_as_foretold(
     assert better["again"] == pytest.approx(left, rel=0.5)  # both are the sensors' noise
 
 
-def test_without_a_slew_there_is_no_next_one(tmp_path: Path, capfd: Any, monkeypatch: Any) -> None:
+def test_without_a_slew_there_is_no_next_one(tmp_path: Path, call: Call) -> None:
     nominal: Trial = read_trial("replan_oscillator", None)[0]
     plan = {"method": "excitation", "band": [0.3, 6.0], "duration": 60.0, "model": {}}
     shaken = trial_of_values(plain(nominal) | {"plan": plan, "duration": 65.0}, "test")
     run_trial(shaken, "test", tmp_path / "shake", in_process=True, report=False)
-    code, _, err = identify(capfd, monkeypatch, tmp_path / "shake", "--replan")
+    code, _, err = call("identify", tmp_path / "shake", "--replan")
     assert code == 2
     assert "--replan needs the log of a slew" in err

@@ -2,17 +2,15 @@
 
 import json
 import subprocess
-import sys
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.lab.conftest import Call
 
 import flexslew as fs
 from flexslew_control.plans.plan_file import load_plan
-from flexslew_lab.cli.main import main
 from flexslew_lab.publication.archive import Statement, write_archive
 from flexslew_lab.report.run_notes import read_notes, set_note
 from flexslew_lab.run.run_trial import run_trial
@@ -142,30 +140,16 @@ def test_code_of_the_user_s_own_is_packed_if_it_is_what_flew(
     assert messages[-1].startswith("still.py:Still: its file has changed since the run")
 
 
-Call = Callable[..., tuple[int, str]]
-
-
-@pytest.fixture
-def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
-    def run(*words: object) -> tuple[int, str]:
-        monkeypatch.setattr(sys, "argv", ["flexslew", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        return int(end.value.code or 0), capsys.readouterr().err
-
-    return run
-
-
 def test_the_command_states_what_a_repository_requires(
     run: Path, tmp_path: Path, call: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    code, err = call("archive", run)
+    code, _, err = call("archive", run)
     assert code == 0
     assert "no licence is stated; repositories require one: --licence CC-BY-4.0" in err
     assert "no author is stated: --author" in err
     assert entities(tmp_path / "archive" / "slew")["./"]["license"] == "not stated"
-    code, err = call("archive", run)  # again, into the same folder
+    code, _, err = call("archive", run)  # again, into the same folder
     assert code == 2
     assert "--to: archive/slew is not empty; choose another folder" in err
 

@@ -1,8 +1,6 @@
 """Figures, tables and animations of runs, from bags with a known motion."""
 
 import csv
-import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
+from tests.lab.conftest import Call
 
 import flexslew as fs
-from flexslew_lab.cli.main import main
 from flexslew_lab.publication.animation import write_animation
 from flexslew_lab.publication.channels import labelled_runs, panels_of
 from flexslew_lab.publication.differences import labels_of
@@ -196,24 +194,10 @@ def test_a_length_has_a_unit() -> None:
     assert medium_of("ieee", 0.088).width == pytest.approx(88.0)
 
 
-Call = Callable[..., str]
-
-
-@pytest.fixture
-def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
-    def run(*words: object) -> str:
-        monkeypatch.setattr(sys, "argv", ["flexslew", *map(str, words)])
-        with pytest.raises(SystemExit):
-            main()
-        return capsys.readouterr().err
-
-    return run
-
-
 def test_the_command_writes_figure_and_tables(bag: Path, tmp_path: Path, call: Call) -> None:
     files = [tmp_path / name for name in ("f.pdf", "m.csv", "m.tex")]
     figure = ["figure", bag, bag, "--label", "now", "--label", "a_b", "--to", files[0]]
-    err = call(*figure, "--show", "tip,effort", "--width", "88mm", "--table", files[1])
+    _, _, err = call(*figure, "--show", "tip,effort", "--width", "88mm", "--table", files[1])
     assert err.count("written file://") == 2
     assert files[0].read_bytes().startswith(b"%PDF")
     rows = list(csv.reader(files[1].read_text().splitlines()))
@@ -247,7 +231,7 @@ def test_the_command_refuses_in_a_line(
     tmp_path: Path,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
-    err = call("figure", bag, *words)
+    _, _, err = call("figure", bag, *words)
     assert told in err
     assert err.count("\n") == 1
     assert not list(tmp_path.iterdir())

@@ -4,7 +4,6 @@ import errno
 import fcntl
 import json
 import os
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from shutil import copytree
@@ -16,8 +15,8 @@ from urllib.request import Request, urlopen
 import pytest
 import yaml
 from tests.browser import PALE, Browser, chromium, looked_at
+from tests.lab.conftest import Call
 
-from flexslew_lab.cli.main import main
 from flexslew_lab.report.run_notes import TRASH, read_notes
 from flexslew_lab.report.runs_index import runs_in, write_index
 from flexslew_lab.report.runs_server import runs_server
@@ -69,37 +68,26 @@ def test_a_pipe_in_place_of_a_file_is_not_waited_for(tmp_path: Path) -> None:
     assert sorted(unread) == ["metrics.json", "trial.yaml"]
 
 
-def test_runs_that_cannot_be_read_are_told_beside_json_too(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(sys, "argv", ["flexslew", "runs", str(folder), "--json"])
-    with pytest.raises(SystemExit) as end:
-        main()
-    out, err = capfd.readouterr()
-    assert end.value.code == 0
+def test_runs_that_cannot_be_read_are_told_beside_json_too(folder: Path, call: Call) -> None:
+    code, out, err = call("runs", folder, "--json")
+    assert code == 0
     assert [Path(row["folder"]).name for row in json.loads(out)] == ["b", "a"]
     assert sorted(err.strip().removeprefix("not readable, left out: ").split(", ")) == ["c", "d"]
 
 
 def test_runs_of_a_folder_that_cannot_be_written_are_listed_without_a_page(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    folder: Path, monkeypatch: pytest.MonkeyPatch, call: Call
 ) -> None:
     def refuse(dir: Path, prefix: str) -> None:
         raise OSError(errno.EROFS, "Read-only file system", f"{dir}/{prefix}draft")
 
     monkeypatch.setattr("tempfile.mkstemp", refuse)
-    monkeypatch.setattr(sys, "argv", ["flexslew", "runs", str(folder), "--json"])
-    with pytest.raises(SystemExit) as end:
-        main()
-    out, err = capfd.readouterr()
-    assert end.value.code == 0
+    code, out, err = call("runs", folder, "--json")
+    assert code == 0
     assert len(json.loads(out)) == 2
     told = f"no page is written: {folder}/index.html: Read-only file system"
     assert told in " ".join(err.split()).replace(f"{folder} /", f"{folder}/")
-    monkeypatch.setattr(sys, "argv", ["flexslew", "runs", str(folder), "--open"])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 2
+    assert call("runs", folder, "--open")[0] == 2
 
 
 def test_runs_are_filtered_by_trial_law_and_testbed(folder: Path) -> None:
@@ -143,53 +131,40 @@ def test_the_page_tells_units(folder: Path) -> None:
     assert "trajectory_hash" not in units
 
 
-def command(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
-    """Return the exit code of `flexslew runs` with these words."""
-    monkeypatch.setattr(sys, "argv", ["flexslew", "runs", *map(str, words)])
-    with pytest.raises(SystemExit) as end:
-        main()
-    return int(end.value.code or 0)
-
-
-def test_a_note_and_tags_stand_beside_the_log_and_on_the_page(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_note_and_tags_stand_beside_the_log_and_on_the_page(folder: Path, call: Call) -> None:
     before = {path.name for path in (folder / "a").iterdir()}
-    assert command(monkeypatch, "note", folder / "a", "figure <3>") == 0
-    assert command(monkeypatch, "tag", folder / "a", "paper", "robust", "paper") == 0
+    assert call("runs", "note", folder / "a", "figure <3>")[0] == 0
+    assert call("runs", "tag", folder / "a", "paper", "robust", "paper")[0] == 0
     assert read_notes(folder / "a") == ("figure <3>", ("paper", "robust"))
     assert {path.name for path in (folder / "a").iterdir()} == before | {"notes.yaml"}
     page = (folder / "index.html").read_text()
     assert '<span class="tag">robust</span> figure &lt;3&gt;' in page
-    capfd.readouterr()
-    assert command(monkeypatch, folder, "--tag", "paper", "--json") == 0
-    rows = json.loads(capfd.readouterr().out)
+    code, out, _ = call("runs", folder, "--tag", "paper", "--json")
+    assert code == 0
+    rows = json.loads(out)
     assert [(row["note"], row["tags"]) for row in rows] == [("figure <3>", ["paper", "robust"])]
-    assert command(monkeypatch, "note", folder / "a", "") == 0
-    assert command(monkeypatch, "tag", folder / "a") == 0
+    assert call("runs", "note", folder / "a", "")[0] == 0
+    assert call("runs", "tag", folder / "a")[0] == 0
     assert {path.name for path in (folder / "a").iterdir()} == before
 
 
-def test_a_run_goes_to_the_trash_and_comes_back(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_goes_to_the_trash_and_comes_back(folder: Path, call: Call) -> None:
     before = (folder / "a" / "metrics.json").read_bytes()
-    assert command(monkeypatch, "trash", folder / "a") == 0
+    assert call("runs", "trash", folder / "a")[0] == 0
     assert [run.folder.name for run in runs_in(folder)[0]] == ["b"]
     assert ">a<" not in (folder / "index.html").read_text()
-    assert command(monkeypatch, "restore", folder / "a") == 0
+    assert call("runs", "restore", folder / "a")[0] == 0
     assert (folder / "a" / "metrics.json").read_bytes() == before
     assert {run.folder.name for run in runs_in(folder)[0]} == {"a", "b"}
 
 
-def test_what_is_no_run_or_has_no_place_is_refused_and_stays(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_no_run_or_has_no_place_is_refused_and_stays(folder: Path, call: Call) -> None:
     def refused(*words: object) -> str:
         before = sorted(path for path in folder.rglob("*"))
-        assert command(monkeypatch, *words) == 2
+        code, _, err = call("runs", *words)
+        assert code == 2
         assert sorted(path for path in folder.rglob("*")) == before
-        line = capfd.readouterr().err.strip()
+        line = err.strip()
         assert "\n" not in line
         return line
 

@@ -13,7 +13,7 @@ from flexslew_control.planners import make_plan, plan_settings
 from flexslew_lab.log.messages.cdr import encode
 from flexslew_lab.metrics.rows import unit_of
 from flexslew_lab.report.report import write_report
-from flexslew_lab.report.verdict import joints_to_move, plan_verdict, planned_on, run_summary
+from flexslew_lab.report.verdict import joints_to_move, model_difference, plan_verdict, run_summary
 
 Message = tuple[str, bytes, int]
 GOOD: dict[str, Any] = {
@@ -143,7 +143,7 @@ def test_a_plan_states_its_residual_its_drives_and_its_model() -> None:
     pushed = replace(made, effort=0.0 * made.effort + [75.0, 15.0], summary={"converged": False})
     assert "at most 50 % of the limit of base_yaw" in plan_verdict(pushed, (150.0, 150.0))
     assert plan_verdict(pushed, (150.0, 150.0)).startswith("the planner has not converged; ")
-    assert planned_on({"believes": "1 mode instead of 3"}) == (
+    assert model_difference({"believes": "1 mode instead of 3"}) == (
         "planned on a model with 1 mode instead of 3"
     )
-    assert planned_on({}) == planned_on(None) == ""
+    assert model_difference({}) == model_difference(None) == ""

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from flexslew_lab.budget.prove import ProvedBudget
     from flexslew_lab.comparison.comparison import Comparison
     from flexslew_lab.gains.search import FoundGains
-    from flexslew_lab.guarantee.parameters import Vary
-    from flexslew_lab.guarantee.uncertain_model import UncertainModel
+    from flexslew_lab.guarantee.model.parameters import Vary
+    from flexslew_lab.guarantee.model.uncertain_model import UncertainModel
     from flexslew_lab.guarantee.worst_case import WorstCase
     from flexslew_lab.identification.identification import Experiment, Identification
     from flexslew_lab.studies.study import Study
@@ -179,7 +179,7 @@ def uncertain_model(what: What, vary: Vary, at: float | str | None = None) -> Un
     Raises:
         BadInput: if there is no such trial, or a parameter is not understood.
     """
-    from flexslew_lab.guarantee.uncertain_model import uncertain_model_of
+    from flexslew_lab.guarantee.model.uncertain_model import uncertain_model_of
 
     given = trial_from(what)
     with display_library_progress(given.name, words="fitting"):

@@ -16,9 +16,12 @@ def json_text(values: Any, indent: int | None = 2) -> str:
     try:
         return json.dumps(values, indent=indent, allow_nan=False)
     except ValueError:
-        return json.dumps(
-            _replace_by_none(values, lambda x: not isfinite(x)), indent=indent, allow_nan=False
-        )
+        return json.dumps(finite(values), indent=indent, allow_nan=False)
+
+
+def finite(values: Any) -> Any:
+    """Return plain data with None in place of every number that is not finite."""
+    return _replace_by_none(values, lambda x: not isfinite(x))
 
 
 def nan_as_null(values: Any) -> Any:

@@ -29,6 +29,7 @@ from flexslew_control.analysis.rigid_motions import free_rigid_modes
 from flexslew_control.controllers.probing.running_law import RunningLaw
 from flexslew_control.plan import Plan
 from flexslew_lab.analysis.trial_models import Point, moment_of, point_of, running_law_at
+from flexslew_lab.json_text import finite
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.trial import (
     Trial,
@@ -37,7 +38,7 @@ from flexslew_lab.trial.trial import (
     plan_of_trial,
     plant_of,
 )
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.notebook_table import in_notebook
 
@@ -327,27 +328,34 @@ def _plant_variants(
     return tuple(out)
 
 
+def effort_columns(loop: ControlLoop, point: Point) -> Matrix:
+    """Return B of efforts that disturb the plant, shape (states of the closed loop, efforts).
+
+    They add to the efforts of the motors, behind their lags and delays, with the same friction.
+    """
+    motors = replace(point.path.actuator, lag=0.0)
+    bare = sampled_plant(point.rest, replace(point.path, actuator=motors, gain=None, delay=None))
+    found, n = np.zeros((len(loop.closed.a), loop.efforts)), 2 * point.rest.model.coordinates
+    first = loop.closed.states.index(bare.states[0])
+    found[first : first + n] = bare.b[:n]
+    return found
+
+
 def responses(analysis: Analysis, ticks: int) -> dict[str, Vector]:
     """Return what steps do: `by input`, shape (ticks, sensors), a name for each input.
 
     Inputs are a reference of a joint that steps by one [rad or m], and an effort of one [N m or N]
     that disturbs a joint.
     """
-    loop, rest, path = analysis.loop, analysis.point.rest, analysis.point.path
-    closed = loop.closed
-    # a disturbance adds to the effort of the motors, with the same friction
-    motors = replace(path.actuator, lag=0.0)
-    bare = sampled_plant(rest, replace(path, actuator=motors, gain=None, delay=None))
-    n = 2 * rest.model.coordinates
-    first = closed.states.index(bare.states[0])
+    loop = analysis.loop
+    closed, disturbances = loop.closed, effort_columns(loop, analysis.point)
     out: dict[str, Vector] = {}
     references = [name for name in closed.inputs if name.startswith("reference.")]
     columns = [(name, closed.b[:, closed.inputs.index(name)],
                 closed.d[:, closed.inputs.index(name)]) for name in references]  # fmt: skip
     for k, name in enumerate(loop.effort_names):
-        column = np.zeros(len(closed.a))
-        column[first : first + n] = bare.b[:n, k]
-        columns.append((name.replace("effort.", "disturbance."), column, 0.0 * closed.d[:, 0]))
+        name = name.replace("effort.", "disturbance.")
+        columns.append((name, disturbances[:, k], 0.0 * closed.d[:, 0]))
     for name, column, direct in columns:
         x, rows = np.zeros(len(closed.a)), []
         for _ in range(ticks):
@@ -406,14 +414,3 @@ def _smallest_margins(channel: ChannelMargins) -> Iterator[_Margin]:
     allowed = 2.0 * float(np.tan(0.5 * channel.phase)) if np.isfinite(channel.phase) else np.inf
     words = f"a phase margin of {np.degrees(channel.phase):.3g} deg"
     yield _Margin(allowed, words, channel.name, channel.phase_frequency)
-
-
-def finite(value: Any) -> Any:
-    """Return plain data with null for every number that JSON cannot hold."""
-    if isinstance(value, dict):
-        return {key: finite(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(part) for part in value]
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value

@@ -9,7 +9,7 @@ from flexslew_control.analysis.loop_margins import ChannelMargins
 from flexslew_lab.analysis.analysis import Analysis, residual_curve, responses
 from flexslew_lab.analysis.proof import Proof
 from flexslew_lab.analysis.proof_tables import proof_tables
-from flexslew_lab.report.panels import Group, Panel, legend, style
+from flexslew_lab.report.panels import Group, Panel, decibels, legend, style
 from flexslew_lab.report.sections import Section, Table, page_of_sections
 from flexslew_lab.short_values import in_columns
 from flexslew_plant.arrays import Vector
@@ -17,7 +17,6 @@ from flexslew_plant.arrays import Vector
 _MOST_TICKS = 4000  # of a response
 _DECAY_LEVEL = 0.02  # of a pole's part at the end of a response
 _MAX_POINTS = 2000  # points of a curve
-_NO_GAIN = 1e-12  # smallest size that is drawn [-]
 
 
 def analysis_page(
@@ -131,11 +130,6 @@ def _number(value: float) -> str:
     return "-" if not np.isfinite(value) else f"{value:.5g}"
 
 
-def _decibels(size: Vector) -> Vector:
-    """Return sizes in dB; that of a loop that its law leaves open is none, drawn far below."""
-    return np.asarray(20.0 * np.log10(np.maximum(size, _NO_GAIN)))
-
-
 def _select_points(analysis: Analysis) -> Vector:
     """Return which points of the sweep are drawn."""
     count = len(analysis.sweep.grid)
@@ -148,10 +142,10 @@ def _bode(analysis: Analysis) -> Group:
     size, phase = Panel("gain of L", "dB", height=220), Panel("phase of L", "deg", height=180)
     for k, name in enumerate(names):
         value = analysis.sweep.gain((name,))[rows, 0, 0]
-        size.line(w, _decibels(abs(value)), name, style(k))
+        size.line(w, decibels(abs(value)), name, style(k))
         phase.line(w, np.degrees(np.unwrap(np.angle(value))), name, style(k))
     for panel in (size, phase):
-        _over_frequency(panel, w)
+        panel.over_frequency(w)
     size.limits = (0.0,)
     words = "Each effort's loop, the others closed; a margin is a distance from -1."
     return Group("Bode", words, [size, phase], legend(names))
@@ -171,7 +165,7 @@ def _plane(kind: str, analysis: Analysis) -> Group:
         else:
             phase = np.degrees(np.angle(value)) % -360.0
             phase[np.append(False, abs(np.diff(phase)) > 180.0)] = np.nan
-            panel.line(np.asarray(phase), _decibels(abs(value)), name, style(k))
+            panel.line(np.asarray(phase), decibels(abs(value)), name, style(k))
     mark = (-1.0, 0.0) if nyquist else (-180.0, 0.0)
     panel.line(np.array(mark[:1]), np.array(mark[1:]), "-1", {"color": "#c2375f"}, mode="markers")
     return Group(kind, "Each effort's loop, the others closed.", [panel], legend(names))
@@ -186,8 +180,8 @@ def _singular(analysis: Analysis) -> Group:
     for k, (name, value) in enumerate(matrices):
         sizes = np.linalg.svd(value, compute_uv=False)
         for column in (0, -1):
-            panel.line(w, _decibels(sizes[:, column]), name, style(k))
-    _over_frequency(panel, w)
+            panel.line(w, decibels(sizes[:, column]), name, style(k))
+    panel.over_frequency(w)
     panel.limits, panel.y_range = (0.0,), (-80.0, 60.0)
     words = "Largest and smallest of the loop, its sensitivity and its complement."
     return Group("Singular values", words, [panel], legend([name for name, _ in matrices]))
@@ -223,7 +217,7 @@ def _residual(analysis: Analysis) -> Group:
     for k, (name, curve) in enumerate(curves.items()):
         panel.line(w, np.maximum(curve, 1e-6), name, style(k))
     panel.y_range = (1e-4, 1.0)
-    _over_frequency(panel, w)
+    panel.over_frequency(w)
     what = "feedforward" if has_feedforward else "acceleration of the reference"
     frequencies = ", ".join(f"{mode.frequency:.4g}" for mode in modes)
     words = (
@@ -231,11 +225,6 @@ def _residual(analysis: Analysis) -> Group:
         f"largest residual of the same effort. The plant's own: {frequencies} rad/s."
     )
     return Group("Residual over frequency", words, [panel], legend(list(curves)))
-
-
-def _over_frequency(panel: Panel, w: Vector) -> None:
-    panel.x_title, panel.x_log = "frequency [rad/s]", True
-    panel.x_range = (float(np.log10(w[0])), float(np.log10(w[-1])))
 
 
 def summary_rows(analysis: Analysis) -> list[tuple[Any, ...]]:

@@ -1,16 +1,22 @@
 """The pointing budget of a trial: its sources, their metrics, the total and its margins."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from flexslew_lab.budget.closed_loop import ErrorAxes, ErrorLoop
-from flexslew_lab.budget.contribution import Contribution, ErrorBound, bound_of, half_width, summed
+from flexslew_lab.budget.contribution import (
+    Contribution,
+    ErrorBound,
+    bound_of,
+    half_width,
+    sum_parts,
+)
 from flexslew_lab.budget.parts import INTERPRETATIONS, Interpretation
 from flexslew_lab.budget.requirements import Margin, margins_of
 from flexslew_lab.budget.windows import KNOWLEDGE, METRICS, Windows
-from flexslew_lab.guarantee.parameters import Vary
+from flexslew_lab.guarantee.model.parameters import Vary
 from flexslew_lab.short_values import short
 from flexslew_plant.errors import BadInput
 from flexslew_plant.notebook_table import in_notebook
@@ -113,24 +119,25 @@ class Budget:
     @cached_property
     def rows(self) -> tuple[BudgetRow, ...]:
         """The sources at the level of confidence."""
-        width = half_width(self.request.level)
         return tuple(
-            BudgetRow(one.name, one.kind, one.about, {
-                metric: bound_of(parts, self.request.interpretation, width)
-                for metric, parts in one.parts.items()
-            })
-            for one in self.contributions
-        )  # fmt: skip
+            BudgetRow(c.name, c.kind, c.about, self._bounds([c])) for c in self.contributions
+        )
 
     @cached_property
     def total(self) -> BudgetRow:
         """All sources together."""
-        width = half_width(self.request.level)
-        bounds = {}
-        for metric in self.metrics:
-            parts = summed([c.parts[metric] for c in self.contributions if metric in c.parts])
-            bounds[metric] = bound_of(parts, self.request.interpretation, width)
+        bounds = self._bounds(self.contributions)
         return BudgetRow("total", "total", "see the rules of summation", bounds)
+
+    def _bounds(self, contributions: Sequence[Contribution]) -> dict[str, ErrorBound]:
+        """Return the metrics that some of these sources have, all of these together."""
+        width = half_width(self.request.level)
+        parts = {m: [c.parts[m] for c in contributions if m in c.parts] for m in self.metrics}
+        return {
+            metric: bound_of(sum_parts(some), self.request.interpretation, width)
+            for metric, some in parts.items()
+            if some
+        }
 
     @property
     def margins(self) -> tuple[Margin, ...]:

@@ -1,7 +1,7 @@
 """The closed sampled loop of a trial about its goal, with an input for every error source."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.probing.running_law import running_law
 from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
 from flexslew_control.plan import Plan
+from flexslew_lab.analysis.analysis import effort_columns
 from flexslew_lab.analysis.trial_models import Point, plan_gains, point_of
 from flexslew_lab.budget.estimate import (
     ErrorSystem,
@@ -131,10 +132,7 @@ class ErrorLoop:
 
     def effort_inputs(self) -> ErrorInputs:
         """Return the inputs of efforts that act on the plant, behind the motors [N m or N]."""
-        path = self.point.path
-        bare = replace(path, actuator=replace(path.actuator, lag=0.0), gain=None, delay=None)
-        plant = sampled_plant(self.point.rest, bare)
-        return self._on_motion(plant.b[: 2 * self.point.rest.model.coordinates])
+        return self._padded(effort_columns(self.loop, self.point))
 
     def force_inputs(self) -> ErrorInputs:
         """Return the inputs of generalised forces that are held over a tick, n of them."""
@@ -144,14 +142,10 @@ class ErrorLoop:
         block = np.zeros((3 * n, 3 * n))
         block[: 2 * n, : 2 * n] = a
         block[n : 2 * n, 2 * n :] = np.linalg.inv(rest.model.mass_matrix(rest.q, rest.time))
-        return self._on_motion(expm(path.period * block)[: 2 * n, 2 * n :])
-
-    def _on_motion(self, columns: Matrix) -> ErrorInputs:
-        """Return inputs of the plant's motion, which has its first state by name."""
-        first = self.loop.closed.states.index(states_of(self.point.rest.model)[0])
-        found = np.zeros((len(self.loop.closed.a), columns.shape[1]))
-        found[first : first + len(columns)] = columns
-        return self._padded(found)
+        first = self.loop.closed.states.index(states_of(rest.model)[0])
+        columns = np.zeros((len(self.loop.closed.a), n))
+        columns[first : first + 2 * n] = expm(path.period * block)[: 2 * n, 2 * n :]
+        return self._padded(columns)
 
     def _padded(self, columns: Matrix) -> ErrorInputs:
         """Return inputs that act on states of the closed loop alone."""

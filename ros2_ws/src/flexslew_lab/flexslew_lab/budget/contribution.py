@@ -57,22 +57,22 @@ class ErrorBound(NamedTuple):
     value: Vector  # that is kept with the level of confidence
 
 
-def fixed(values: Mapping[str, Matrix]) -> dict[str, ErrorParts]:
+def fixed_parts(values: Mapping[str, Matrix]) -> dict[str, ErrorParts]:
     """Return the parts of an error that is the same in every member."""
     return {name: ErrorParts(d, 0.0 * d, 0.0 * d) for name, d in values.items()}
 
 
-def drawn(values: Mapping[str, Matrix]) -> dict[str, ErrorParts]:
+def drawn_parts(values: Mapping[str, Matrix]) -> dict[str, ErrorParts]:
     """Return the parts of errors of one standard deviation of what each member draws."""
     return {name: ErrorParts(0.0 * b, b**2, 0.0 * b) for name, b in values.items()}
 
 
-def noisy(variances: Mapping[str, Matrix]) -> dict[str, ErrorParts]:
+def noise_parts(variances: Mapping[str, Matrix]) -> dict[str, ErrorParts]:
     """Return the parts of a noise in time."""
     return {name: ErrorParts(0.0 * v, 0.0 * v, v) for name, v in variances.items()}
 
 
-def summed(parts: Iterable[ErrorParts]) -> ErrorParts:
+def sum_parts(parts: Iterable[ErrorParts]) -> ErrorParts:
     """Return the parts of all sources together."""
     return ErrorParts(*(np.sum(values, axis=0) for values in zip(*parts, strict=True)))
 

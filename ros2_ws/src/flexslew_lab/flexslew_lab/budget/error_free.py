@@ -66,12 +66,12 @@ class _StateObserver(Observer):
 
 
 def error_free(trial: Trial) -> Trial:
-    """Return the trial on a bench without error sources; its laws are to be built of the first.
+    """Return the trial on a bench without error sources and faults, for laws of the first.
 
     Lags, limits, viscous friction and delays of the motors stay, as parts of the loop.
     """
     motors = replace(trial.actuator, quantisation=0.0, coulomb_friction=0.0)
-    schedule = tuple(entry for entry in trial.schedule if entry.disturbance is None)
+    schedule = tuple(e for e in trial.schedule if e.disturbance is None and e.fault is None)
     return replace(
         trial,
         sensors=SensorSettings(),
@@ -79,11 +79,6 @@ def error_free(trial: Trial) -> Trial:
         schedule=schedule,
         testbed=without_errors(trial.testbed),
     )
-
-
-def without_faults(trial: Trial) -> Trial:
-    """Return the trial without the faults of its schedule."""
-    return replace(trial, schedule=tuple(e for e in trial.schedule if e.fault is None))
 
 
 def without_errors(testbed: Testbed) -> Testbed:

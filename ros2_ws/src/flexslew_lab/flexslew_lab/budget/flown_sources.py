@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_control.plan import Plan
-from flexslew_lab.budget.contribution import Contribution, drawn, fixed, summed
-from flexslew_lab.budget.error_free import ErrorFlight, error_free, simulate, without_faults
+from flexslew_lab.budget.contribution import Contribution, drawn_parts, sum_parts
+from flexslew_lab.budget.error_free import ErrorFlight, error_free, simulate
 from flexslew_lab.budget.sources import ObservedLoop
-from flexslew_lab.guarantee.parameters import Uncertain, Vary, uncertain_parameters
-from flexslew_lab.guarantee.situation import Situation, situation_at
+from flexslew_lab.guarantee.model.parameters import Uncertain, Vary, uncertain_parameters
+from flexslew_lab.guarantee.model.situation import Situation, situation_at
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.schedule import ScheduleEntry
@@ -42,6 +42,15 @@ class ErrorFreeFlight(NamedTuple):
         flight = simulate(self.at.trial, other, self.source, self.plan, self.at.loop)
         return np.asarray(flight.error - self.flight.error)
 
+    def with_source(self, name: str, kind: str, other: Trial) -> Contribution:
+        """Return the part of what a bench adds to the errors of the flight."""
+        return self.at.error(name, kind, DIFFERENCE, self.difference(other))
+
+    @property
+    def bench(self) -> Trial:
+        """The bench that flew."""
+        return error_free(self.at.trial)
+
 
 def reference_flight(at: ObservedLoop, source: str, plan: Plan | None) -> ErrorFreeFlight:
     """Return the flight of a trial without error sources: what is left is that of the slew.
@@ -49,60 +58,53 @@ def reference_flight(at: ObservedLoop, source: str, plan: Plan | None) -> ErrorF
     Raises:
         BadInput: see simulate.
     """
-    bench = without_faults(error_free(at.trial))
-    return ErrorFreeFlight(at, source, plan, simulate(at.trial, bench, source, plan, at.loop))
+    flight = simulate(at.trial, error_free(at.trial), source, plan, at.loop)
+    return ErrorFreeFlight(at, source, plan, flight)
 
 
 def slew_source(of: ErrorFreeFlight) -> Contribution:
     """Return the error that the slew leaves: residual vibration and settling of the laws."""
-    parts = fixed(of.at.metrics(of.flight.error))
-    return Contribution("slew", "slew", "flight without error sources", parts)
+    return of.at.error("slew", "slew", "flight without error sources", of.flight.error)
 
 
 def friction_source(of: ErrorFreeFlight) -> Iterator[Contribution]:
     """Yield the dry friction of the motors."""
-    trial = of.at.trial
-    dry: Any = trial.actuator.coulomb_friction
+    dry: Any = of.at.trial.actuator.coulomb_friction
     if any(dry.values()) if isinstance(dry, dict) else dry:
-        bench = without_faults(error_free(trial))
-        rough = replace(bench, actuator=replace(bench.actuator, coulomb_friction=dry))
-        parts = fixed(of.at.metrics(of.difference(rough)))
-        yield Contribution("actuator.coulomb_friction", "friction", DIFFERENCE, parts)
+        motors = replace(of.bench.actuator, coulomb_friction=dry)
+        rough = replace(of.bench, actuator=motors)
+        yield of.with_source("actuator.coulomb_friction", "friction", rough)
 
 
 def fault_sources(of: ErrorFreeFlight) -> Iterator[Contribution]:
     """Yield each fault of the schedule; that of a command's delay is among them."""
-    trial = of.at.trial
+    trial, quiet = of.at.trial, of.bench.schedule
     for number, entry in enumerate(trial.schedule):
         if entry.fault is None:
             continue
-        bench = without_faults(error_free(trial))
-        order = [e for e in error_free(trial).schedule if e.fault is None or e is entry]
-        parts = fixed(of.at.metrics(of.difference(replace(bench, schedule=tuple(order)))))
+        order = (e for e in trial.schedule if e is entry or e in quiet)
         kind = "delay" if isinstance(entry.fault, CommandDelay) else "fault"
         name = f"schedule.{number}.fault.{entry.fault.kind}"
-        yield Contribution(name, kind, DIFFERENCE, parts)
+        yield of.with_source(name, kind, replace(of.bench, schedule=tuple(order)))
 
 
 def gyro_bias_sources(of: ErrorFreeFlight) -> Iterator[Contribution]:
     """Yield biases of gyros: a fixed one, and one that each member draws, axis by axis."""
-    bench = without_faults(error_free(of.at.trial))
 
-    def errors(name: str, bias: Vector) -> dict[str, Matrix]:
+    def biased(name: str, bias: Vector) -> Trial:
         sensors = {"sensors": {name: {"bias": bias.tolist()}}}
-        testbed = with_changes(bench.testbed, sensors, "budget")
-        return of.at.metrics(of.difference(replace(bench, testbed=testbed)))
+        return replace(of.bench, testbed=with_changes(of.bench.testbed, sensors, "budget"))
 
     for one in of.at.loop.point.rest.model.appendages.instruments:
         if not isinstance(one, Gyro):
             continue
         s, place = one.settings, f"testbed.sensors.{one.name}"
         if any(s.bias):
-            parts = fixed(errors(one.name, np.array(s.bias)))
-            yield Contribution(f"{place}.bias", "bias", DIFFERENCE, parts)
+            yield of.with_source(f"{place}.bias", "bias", biased(one.name, np.array(s.bias)))
         if s.bias_spread:
-            each = [drawn(errors(one.name, row)) for row in s.bias_spread * np.eye(3)]
-            spread = {name: summed([parts[name] for parts in each]) for name in each[0]}
+            benches = [biased(one.name, row) for row in s.bias_spread * np.eye(3)]
+            each = [drawn_parts(of.at.metrics(of.difference(bench))) for bench in benches]
+            spread = {name: sum_parts([parts[name] for parts in each]) for name in each[0]}
             words = f"drawn once per member; {DIFFERENCE}, axis by axis"
             yield Contribution(f"{place}.bias_spread", "bias", words, spread)
 
@@ -120,11 +122,10 @@ def model_sources(of: ErrorFreeFlight, vary: Vary) -> Iterator[Contribution]:
     Raises:
         BadInput: if a name or a range is not understood, or a flight fails.
     """
-    point, trial = of.at.loop.point, without_faults(error_free(of.at.trial))
-    base = situation_at(trial, point)
+    base = situation_at(of.bench, of.at.loop.point)
     for one in uncertain_parameters(base, vary):
         low, high = (of.difference(_with(base, one, end)) for end in (one.low, one.high))
-        parts = drawn(of.at.metrics((high - low) / np.sqrt(12.0)))
+        parts = drawn_parts(of.at.metrics((high - low) / np.sqrt(12.0)))
         words = f"uniform in {one.low:.4g} to {one.high:.4g}, slope between flights at the ends"
         yield Contribution(f"model.{one.name}", "model", words, parts)
 

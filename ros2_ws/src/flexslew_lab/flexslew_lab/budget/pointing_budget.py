@@ -35,23 +35,20 @@ from flexslew_lab.budget.sources import (
     sensor_sources,
 )
 from flexslew_lab.budget.windows import Windows, windows_of
-from flexslew_lab.guarantee.parameters import Vary
+from flexslew_lab.guarantee.model.parameters import Vary
 from flexslew_lab.trial.trial import Trial, plan_of_trial
 from flexslew_plant.errors import BadInput, FlexslewError
 
 _WINDOW = 10.0  # of a testbed that has none of its own [s]
 
 
-def pointing_budget(
-    trial: Trial, source: str, request: BudgetRequest, progress: Callable[[str], None] | None = None
-) -> Budget:
+def pointing_budget(trial: Trial, source: str, request: BudgetRequest) -> Budget:
     """Return the pointing budget of a trial from the end of its manoeuvre to that of its run.
 
     Args:
         trial: of the budget.
         source: its file, for an error.
         request: how it is made.
-        progress: called with the name of what is computed.
 
     Raises:
         BadInput: if the loop is not stable or not linear, or a value of the request is not allowed.
@@ -62,7 +59,7 @@ def pointing_budget(
     windows = observed_windows(trial, source, plan, request)
     loop = error_loop(trial, source, plan, windows.first * trial.period, request.controller)
     margins_of(request.require, {}, loop.axes)
-    collected = _Collected(progress or (lambda name: None))
+    collected = _Collected()
     at = ObservedLoop(trial, loop, windows)
     collected.add("sensors", lambda: sensor_sources(at))
     collected.add("instruments", lambda: instrument_sources(at))
@@ -120,7 +117,6 @@ def observed_windows(
 class _Collected:
     """Contributions so far, and the sources that have none, each with its reason."""
 
-    progress: Callable[[str], None]
     found: list[Contribution] = field(default_factory=list)
     without: list[str] = field(default_factory=list)
 
@@ -130,7 +126,6 @@ class _Collected:
 
     def take(self, name: str, make: Callable[[], Iterable[Any]]) -> Sequence[Any]:
         """Return what is made; a failure is noted under the name."""
-        self.progress(name)
         made: list[Any] = []
         try:
             made.extend(make())  # those before a failure stay

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import t
 
 from flexslew_lab.budget.budget import Budget
+from flexslew_lab.budget.contribution import sum_parts
 from flexslew_lab.budget.error_free import simulate
 from flexslew_lab.studies.batch.fleet import BatchRunner, ReadyTrial
 from flexslew_lab.studies.batch.legs import BatchFlight, FlightMode
@@ -132,8 +133,7 @@ def prove_budget(
 
 def _compared(budget: Budget, metric: str, squares: Matrix, inside: Matrix) -> list[ProvedMetric]:
     """Return a metric by axis; squares and shares inside of all members, (members, axes)."""
-    parts = [one.parts[metric] for one in budget.contributions if metric in one.parts]
-    d, b, n = (np.sum([part[k] for part in parts], axis=0) for k in range(3))
+    d, b, n = sum_parts(one.parts[metric] for one in budget.contributions if metric in one.parts)
     predicted = np.sqrt((d**2 + b + n).mean(axis=0))
     flown = np.sqrt(squares.mean(axis=0))
     scatter = squares.std(axis=0, ddof=1) / np.sqrt(len(squares))

@@ -13,9 +13,8 @@ import numpy as np
 
 from flexslew_control.analysis.signals import CHANNELS
 from flexslew_lab.budget.closed_loop import ErrorInputs
-from flexslew_lab.budget.contribution import Contribution, fixed
-from flexslew_lab.budget.error_free import error_free, without_faults
-from flexslew_lab.budget.flown_sources import DIFFERENCE, ErrorFreeFlight
+from flexslew_lab.budget.contribution import Contribution
+from flexslew_lab.budget.flown_sources import ErrorFreeFlight
 from flexslew_lab.budget.sources import ObservedLoop, channel_signals
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Vector
@@ -55,9 +54,7 @@ def flown_quanta(of: ErrorFreeFlight) -> Iterator[Contribution]:
     """Yield the other quanta."""
     for one in _quanta(of.at):
         if not one.is_white:
-            bench = one.bench(without_faults(error_free(of.at.trial)))
-            parts = fixed(of.at.metrics(of.difference(bench)))
-            yield Contribution(one.name, "quantisation", DIFFERENCE, parts)
+            yield of.with_source(one.name, "quantisation", one.bench(of.bench))
 
 
 def _quanta(at: ObservedLoop) -> Iterator[Quantum]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexslew_control.analysis.signals import CHANNELS
 from flexslew_lab.budget.closed_loop import ErrorInputs, ErrorLoop, response_to
-from flexslew_lab.budget.contribution import Contribution, fixed, noisy
+from flexslew_lab.budget.contribution import Contribution, fixed_parts, noise_parts
 from flexslew_lab.budget.error_free import without_imbalance, without_orbit
 from flexslew_lab.budget.windows import Windows
 from flexslew_lab.trial.trial import Trial
@@ -50,13 +50,17 @@ class ObservedLoop(NamedTuple):
     def noise(self, name: str, kind: str, about: str, inputs: ErrorInputs) -> Contribution:
         """Return the part of white noises, their standard deviations in the inputs."""
         variances = self.windows.of_noise(self.loop.responses(inputs, self.ticks))
-        return Contribution(name, kind, about, noisy(self.loop.named(variances)))
+        return Contribution(name, kind, about, noise_parts(self.loop.named(variances)))
 
     def constant(self, name: str, kind: str, about: str, inputs: ErrorInputs) -> Contribution:
         """Return the part of constants, their sizes in the inputs."""
         together = inputs.times(np.ones((inputs.columns.shape[1], 1)))
         error = np.cumsum(self.loop.responses(together, self.ticks)[:, :, 0], axis=0)
-        return Contribution(name, kind, about, fixed(self.metrics(error)))
+        return self.error(name, kind, about, error)
+
+    def error(self, name: str, kind: str, about: str, error: Matrix) -> Contribution:
+        """Return the part of an error, the same in every member, shape (ticks, outputs)."""
+        return Contribution(name, kind, about, fixed_parts(self.metrics(error)))
 
     def metrics(self, error: Matrix) -> dict[str, Matrix]:
         """Return the metrics of errors of pointing, and of knowledge if there are such columns."""
@@ -141,7 +145,7 @@ def _gyro_errors(
         variances = w.of_noise(np.concatenate((steps, responses / np.sqrt(12.0)), axis=2) * walk)
         words = "random walk from tick 0 on, by the linear loop"
         yield Contribution(
-            f"{place}.rate_random_walk", "noise", words, noisy(at.loop.named(variances))
+            f"{place}.rate_random_walk", "noise", words, noise_parts(at.loop.named(variances))
         )
 
 
@@ -152,8 +156,7 @@ def disturbance_sources(at: ObservedLoop) -> Iterator[Contribution]:
             series = _disturbance_series(at, entry)
             error = response_to(at.loop.responses(at.loop.effort_inputs(), at.ticks), series)
             words = "efforts of all ticks, by the linear loop"
-            parts = fixed(at.metrics(error))
-            yield Contribution(f"schedule.{number}.disturbance", "torque", words, parts)
+            yield at.error(f"schedule.{number}.disturbance", "torque", words, error)
 
 
 def _disturbance_series(at: ObservedLoop, entry: ScheduleEntry) -> Matrix:
@@ -176,16 +179,15 @@ def outside_sources(at: ObservedLoop, states: Matrix) -> Iterator[Contribution]:
         states: of the flight, shape (ticks, size of a state).
     """
     testbed = at.trial.testbed
-    cases = {
-        "orbit": ("testbed.orbit", "torque", without_imbalance(testbed)),
-        "imbalance": ("testbed.wheels", "imbalance", without_orbit(testbed)),
-    }
-    for name, kind, single in cases.values():
+    for name, kind, single in (
+        ("testbed.orbit", "torque", without_imbalance(testbed)),
+        ("testbed.wheels", "imbalance", without_orbit(testbed)),
+    ):
         forces = _outside_series(at, single, states)
         if forces is not None and forces.any():
             error = response_to(at.loop.responses(at.loop.force_inputs(), at.ticks), forces)
             words = "forces along the error-free flight, by the linear loop"
-            yield Contribution(name, kind, words, fixed(at.metrics(error)))
+            yield at.error(name, kind, words, error)
 
 
 def _outside_series(at: ObservedLoop, testbed: Testbed, states: Matrix) -> Matrix | None:

@@ -1,7 +1,5 @@
 """A budget as tables: for a terminal, a page, LaTeX and CSV."""
 
-import csv
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +7,12 @@ from flexslew_lab.budget.budget import Budget
 from flexslew_lab.budget.prove import ProvedBudget
 from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.publication.figure import format_of, latex_text
-from flexslew_lab.publication.metric_table import TABLE_FORMATS, latex_number, latex_tabular
+from flexslew_lab.publication.metric_table import (
+    TABLE_FORMATS,
+    csv_text,
+    latex_number,
+    latex_tabular,
+)
 from flexslew_lab.short_values import short
 
 MARGIN_COLUMNS = ("requirement", "limit", "value", "margin", "of the limit [%]", "met")
@@ -102,17 +105,16 @@ def _latex(budget: Budget) -> str:
 
 def _csv(budget: Budget) -> str:
     """Return all numbers, a line for each source, metric and axis."""
-    text = StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    head = ("source", "kind", "metric", "axis", "unit", "mean", "deviation", "value", "limit")
-    writer.writerow(head)
+    rows: list[tuple[Any, ...]] = [
+        ("source", "kind", "metric", "axis", "unit", "mean", "deviation", "value", "limit")
+    ]
     limits = {one.requirement: one.limit for one in budget.margins}
     for row in (*budget.rows, budget.total):
         for metric, bound in row.bounds.items():
             for k, (axis, unit) in enumerate(
                 zip(budget.axes.names, budget.axes.units, strict=True)
             ):
-                limit: Any = limits.get(f"{metric}.{axis}") if row.kind == "total" else None
+                limit = limits.get(f"{metric}.{axis}") if row.kind == "total" else None
                 numbers = (float(bound.mean[k]), float(bound.deviation[k]), float(bound.value[k]))
-                writer.writerow((row.source, row.kind, metric, axis, unit, *numbers, limit))
-    return text.getvalue()
+                rows.append((row.source, row.kind, metric, axis, unit, *numbers, limit))
+    return csv_text(rows)

@@ -39,13 +39,6 @@ class Windows:
         """Number of whole windows; a last one that is cut short does not count."""
         return (self.last - self.first + 1) // self.length
 
-    @property
-    def metrics(self) -> tuple[str, ...]:
-        """The metrics for which the run is long enough."""
-        if self.count == 0:
-            return METRICS[:1]
-        return METRICS if self.count > self.apart else METRICS[:3]
-
     def of_series(self, error: Matrix) -> dict[str, Matrix]:
         """Return the metrics of errors at all ticks of a run.
 
@@ -55,7 +48,14 @@ class Windows:
         Returns:
             by metric, shape (points, axes): APE and RPE by tick, MPE by window, PDE by pair.
         """
-        return self._chosen(error, self._means(error), self._deviations(error))
+        found = {"APE": error[self.first : self.last + 1]}
+        if self.count:
+            windows = self._split(error)
+            mean = windows.mean(axis=1)
+            found |= {"MPE": mean, "RPE": (windows - mean[:, None]).reshape(-1, error.shape[1])}
+            if self.count > self.apart:
+                found["PDE"] = mean[self.apart :] - mean[: -self.apart]
+        return found
 
     def of_noise(self, response: Tensor) -> dict[str, Matrix]:
         """Return variances of the metrics under independent white noises of variance one.
@@ -71,7 +71,7 @@ class Windows:
         if self.count:
             average = _moving_mean(response, self.length)
             mean = np.cumsum((average**2).sum(axis=2), axis=0)[self._ends]
-            own = self._whole(absolute) + mean[:, None]
+            own = self._split(absolute) + mean[:, None]
             relative = np.maximum(own - 2.0 * self._covariances(response, average), 0.0)
             found |= {"MPE": mean, "RPE": relative.reshape(-1, response.shape[1])}
             if self.count > self.apart:
@@ -108,25 +108,10 @@ class Windows:
         """Last tick of each window, shape (windows,)."""
         return self.first + self.length * np.arange(1, self.count + 1) - 1
 
-    def _whole(self, error: Matrix) -> Tensor:
+    def _split(self, error: Matrix) -> Tensor:
         """Return the ticks of whole windows, shape (windows, N, axes)."""
         ticks = error[self.first : self.first + self.count * self.length]
         return ticks.reshape(self.count, self.length, error.shape[1])
-
-    def _means(self, error: Matrix) -> Matrix:
-        return np.asarray(self._whole(error).mean(axis=1))
-
-    def _deviations(self, error: Matrix) -> Matrix:
-        whole = self._whole(error)
-        deviations = whole - whole.mean(axis=1, keepdims=True)
-        return np.asarray(deviations.reshape(-1, error.shape[1]))
-
-    def _chosen(self, error: Matrix, mean: Matrix, relative: Matrix) -> dict[str, Matrix]:
-        pairs = mean[self.apart :] - mean[: len(mean) - self.apart]
-        values = (error[self.first : self.last + 1], mean, relative, pairs)
-        return {
-            name: value for name, value in zip(METRICS, values, strict=True) if name in self.metrics
-        }
 
 
 def _moving_mean(response: Tensor, length: int) -> Tensor:

@@ -1,18 +1,17 @@
 """Subcommand that analyses what flies in a trial."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from shlex import join
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flexslew_lab.cli.compare import Sets, TrialFile
-from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.log import exit_unless
 from flexslew_lab.cli.model import At, Joints, joints_of
 from flexslew_lab.cli.options.option_groups import expand_options
+from flexslew_lab.cli.options.shared import Json, PageFile, Sets, TrialFile
 from flexslew_lab.cli.terminal import link, print_message, print_table, print_verdict
-from flexslew_lab.json_text import json_text
+from flexslew_lab.json_text import finite, json_text
 from flexslew_lab.progress import display_progress
 from flexslew_lab.trial.outputs import check_output_file, new_file
 from flexslew_plant.errors import BadInput
@@ -48,9 +47,7 @@ def analyse(
     ] = None,
     at: At = None,
     rest: Joints = None,
-    out: Annotated[
-        Path | None, typer.Option(help="HTML file; default: a new one below runs/.")
-    ] = None,
+    out: PageFile = None,
     *,
     checks: CheckOptions,
     as_json: Json = False,
@@ -64,19 +61,14 @@ def analyse(
 
     Example: `./flexslew analyse m1 --at 25`
     """
-    from flexslew_lab.analysis.analysis import finite, loop_analysis
+    from flexslew_lab.analysis.analysis import loop_analysis
     from flexslew_lab.analysis.page import analysis_page, summary_rows
     from flexslew_lab.analysis.proof import verify_margins
     from flexslew_lab.analysis.proof_tables import MARGIN_COLUMNS, margin_rows
     from flexslew_lab.guarantee.flight import guarantee_of
-    from flexslew_lab.guarantee.parameters import vary_of
-    from flexslew_lab.guarantee.tables import (
-        GAIN_COLUMNS,
-        WORST_COLUMNS,
-        gain_rows,
-        worst_case_sections,
-        worst_rows,
-    )
+    from flexslew_lab.guarantee.model.parameters import vary_of
+    from flexslew_lab.guarantee.tables import GAIN_COLUMNS, gain_rows, worst_case_sections
+    from flexslew_lab.guarantee.worst_case import WORST_COLUMNS
     from flexslew_lab.report.page import write_page
     from flexslew_lab.trial.sources import read_trial
 
@@ -112,15 +104,14 @@ def analyse(
                 print_message(f"not flown: {words}")
         if worst is not None:
             print_verdict(worst.verdict)
-            print_table(WORST_COLUMNS, worst_rows(worst.found))
+            print_table(WORST_COLUMNS, worst.found.rows)
             print_table(GAIN_COLUMNS, gain_rows(worst.found))
     if out is not None or not as_json:
         line = _command(requested.name, file, sets, found, checks)
         more = [] if worst is None else worst_case_sections(worst, line)
         page = write_page(analysis_page(found, requested.name, proof, more), target)
         print_message(f"written {link(page)}")
-    if not _fulfilled(found, proof, worst):
-        raise typer.Exit(1)
+    exit_unless(_fulfilled(found, proof, worst))
 
 
 def _command(

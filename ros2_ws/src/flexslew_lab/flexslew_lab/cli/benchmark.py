@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flexslew_lab.cli.compare import Workers
-from flexslew_lab.cli.log import Json, exit_unless
+from flexslew_lab.cli.log import exit_unless
 from flexslew_lab.cli.options.option_groups import expand_options
-from flexslew_lab.cli.replay import TrustOption
+from flexslew_lab.cli.options.shared import Json, TrustOption, Workers
 from flexslew_lab.cli.terminal import print_message, print_table, print_verdict
 from flexslew_lab.json_text import json_text
 from flexslew_lab.progress import display_progress

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexslew_lab.budget.parts import Interpretation
-from flexslew_lab.cli.compare import Sets, TrialFile
-from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.log import exit_unless
 from flexslew_lab.cli.options.option_groups import expand_options
 from flexslew_lab.cli.options.quantity import quantity
+from flexslew_lab.cli.options.shared import Json, PageFile, Sets, TrialFile
 from flexslew_lab.cli.terminal import link, print_message, print_table, print_verdict
 from flexslew_lab.json_text import json_text
 from flexslew_lab.progress import display_progress
@@ -64,17 +64,10 @@ class MetricOptions:
         """
         from flexslew_lab.budget.budget import BudgetRequest
         from flexslew_lab.budget.requirements import requirements_of
-        from flexslew_lab.guarantee.parameters import vary_of
+        from flexslew_lab.guarantee.model.parameters import vary_of
 
-        return BudgetRequest(
-            self.controller,
-            self.window,
-            self.drift,
-            self.level,
-            self.interpretation,
-            vary_of(self.vary or []),
-            requirements_of(self.require or []),
-        )
+        vary, require = vary_of(self.vary or []), requirements_of(self.require or [])
+        return BudgetRequest(**{**vars(self), "vary": vary, "require": require})
 
 
 @expand_options
@@ -86,9 +79,7 @@ def budget(
     prove: Annotated[
         int | None, typer.Option(help="Fly the bench with so many seeds and compare.")
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="HTML file; default: a new one below runs/.")
-    ] = None,
+    out: PageFile = None,
     table: Annotated[Path | None, typer.Option(help="The budget as a table: .tex or .csv.")] = None,
     as_json: Json = False,
 ) -> None:
@@ -133,8 +124,7 @@ def budget(
         print_message(f"written {link(table)}")
     if out is not None or not as_json:
         print_message(f"written {link(write_page(budget_page(found, proof), target))}")
-    if (found.margins and not found.met) or (proof is not None and not proof.holds):
-        raise typer.Exit(1)
+    exit_unless((found.met or not found.margins) and (proof is None or proof.holds))
 
 
 def _print_budget(found: "Budget", proof: "ProvedBudget | None") -> None:

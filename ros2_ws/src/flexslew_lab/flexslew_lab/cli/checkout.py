@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from flexslew_lab.background import machine_code_log, wait_for
-from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.log import exit_unless
+from flexslew_lab.cli.options.shared import Json
 from flexslew_lab.cli.suite import (
     NO_TESTS_EXIT_CODE,
     Selection,
@@ -61,8 +62,7 @@ def bench(
         print(json_text(figures))
     else:
         print_table(("figure", "value"), [(k, f"{v:.4g}") for k, v in figures.items()])
-    if failed:
-        raise typer.Exit(1)
+    exit_unless(not failed)
 
 
 def _figures_of(name: str, path: Path) -> dict[str, float]:

@@ -1,29 +1,15 @@
 """Subcommand that flies one manoeuvre with every planner, or with every law."""
 
 import os
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.options.shared import Json, PageFile, Sets, TrialFile, Workers
 from flexslew_lab.cli.terminal import link, print_message, print_table, print_verdict
 from flexslew_lab.json_text import json_text
 from flexslew_lab.progress import display_progress
 from flexslew_lab.trial.outputs import check_output_file, new_file
-
-TrialFile = Annotated[
-    str | None,
-    typer.Argument(help="Trial file, or the name of a shipped one (see trials); default: m1."),
-]
-Sets = Annotated[
-    list[str] | None,
-    typer.Option("--set", help="key.path=value, replaces the file's; may be repeated."),
-]
-
-Workers = Annotated[
-    int | None, typer.Option(help="Processes here; one per core if left out.", min=1)
-]
 
 
 def compare(
@@ -31,9 +17,7 @@ def compare(
     sets: Sets = None,
     by_law: Annotated[bool, typer.Option("--laws", help="Compare laws, not planners.")] = False,
     workers: Workers = None,
-    out: Annotated[
-        Path | None, typer.Option(help="HTML file; default: a new one below runs/.")
-    ] = None,
+    out: PageFile = None,
     as_json: Json = False,
 ) -> None:
     """Fly one manoeuvre with every planner, or every law, also on testbeds with model errors.

@@ -4,7 +4,8 @@ from typing import Annotated
 
 import typer
 
-from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.log import exit_unless
+from flexslew_lab.cli.options.shared import Json
 from flexslew_lab.cli.terminal import for_people, print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_plant.errors import BadInput
@@ -61,8 +62,7 @@ def _report(pairs: list[tuple[str, str]], as_json: bool) -> None:
     else:
         print_table(("rule", "result"), [(rule, words or "kept") for rule, words in pairs])
         print_message(f"{len(pairs) - wrong} of {len(pairs)} rules kept")
-    if wrong:
-        raise typer.Exit(1)
+    exit_unless(not wrong)
 
 
 def _plant_rules(

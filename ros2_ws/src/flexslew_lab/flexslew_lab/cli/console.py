@@ -20,7 +20,7 @@ from flexslew_lab.cli.interrupt import NODES_EXIT_TIMEOUT, SIGNAL_EXIT_CODE, exi
 from flexslew_lab.cli.missing import require_ros
 from flexslew_lab.cli.operate import Namespace
 from flexslew_lab.cli.options.option_groups import expand_options
-from flexslew_lab.cli.replay import TrustOption
+from flexslew_lab.cli.options.shared import RunFolder, Sets, TrustOption
 from flexslew_lab.cli.terminal import link, print_message
 from flexslew_lab.progress import display_progress
 from flexslew_lab.run.domain import bench_domain
@@ -50,11 +50,8 @@ class PageOptions:
 class RunOptions:
     """The run of a trial on the page."""
 
-    sets: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="key.path=value, replaces the file's; may be repeated."),
-    ] = None
-    out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None
+    sets: Sets = None
+    out: RunFolder = None
     rate: Annotated[float, typer.Option(help="Rate at the start; 1: real time, 0: fast.")] = 1.0
     open_ended: Annotated[
         bool, typer.Option("--open-ended", help="Run until Ctrl-C, without an end.")

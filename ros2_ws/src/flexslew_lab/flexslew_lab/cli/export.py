@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from flexslew_lab.cli.compare import Sets, TrialFile
 from flexslew_lab.cli.options.option_groups import expand_options
+from flexslew_lab.cli.options.shared import Sets, TrialFile
 from flexslew_lab.cli.terminal import link, print_line, print_message, print_table
 from flexslew_lab.progress import display_progress
 from flexslew_lab.trial.outputs import check_output_file

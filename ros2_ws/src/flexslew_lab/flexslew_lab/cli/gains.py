@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from flexslew_lab.cli.compare import Sets, TrialFile
-from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.log import exit_unless
 from flexslew_lab.cli.options.option_groups import expand_options
+from flexslew_lab.cli.options.shared import Json, PageFile, Sets, TrialFile
 from flexslew_lab.cli.terminal import link, print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_lab.progress import display_progress
@@ -50,9 +50,7 @@ def gains(
     ] = None,
     *,
     search: SearchOptions,
-    out: Annotated[
-        Path | None, typer.Option(help="HTML file; default: a new one below runs/.")
-    ] = None,
+    out: PageFile = None,
     as_json: Json = False,
 ) -> None:
     """Find gains of a law with the least worst residual that keep a disk margin.
@@ -94,5 +92,4 @@ def gains(
         print_message(found.verdict)
     if out is not None or not as_json:
         print_message(f"written {link(write_page(gains_page(found, requested.name), target))}")
-    if found.gain <= 0.0:
-        raise typer.Exit(1)
+    exit_unless(found.gain > 0.0)

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
-from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.options.option_groups import expand_options
 from flexslew_lab.cli.options.quantity import numbers_in, quantity
-from flexslew_lab.cli.replay import TrustOption
+from flexslew_lab.cli.options.shared import Json, TrustOption
 from flexslew_lab.cli.terminal import for_people, link, print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_lab.trial.outputs import bag_folder, check_output_file, new_folder

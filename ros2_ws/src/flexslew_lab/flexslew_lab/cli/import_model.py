@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.options.option_groups import expand_options
 from flexslew_lab.cli.options.quantity import quantity
+from flexslew_lab.cli.options.shared import Json
 from flexslew_lab.cli.terminal import link, print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_lab.trial.outputs import check_output_file

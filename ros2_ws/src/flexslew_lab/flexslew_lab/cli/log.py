@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from flexslew_lab.cli.options.shared import Bag, Json
 from flexslew_lab.cli.terminal import print_line, print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_lab.trial.outputs import bag_folder, check_output_folder
@@ -17,8 +18,6 @@ log = typer.Typer(
     "Example: `./flexslew log info runs/m1-20260101-120000`",
 )
 
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
-Bag = Annotated[Path, typer.Argument(help="Folder of a run, a bag, or an .mcap file.")]
 Out = Annotated[Path | None, typer.Option(help="Folder of the new bag; default: in place.")]
 
 

@@ -15,7 +15,7 @@ from flexslew_lab.cli.analyse import analyse
 from flexslew_lab.cli.benchmark import benchmark
 from flexslew_lab.cli.budget import budget
 from flexslew_lab.cli.checkout import bench, extras, run_tests
-from flexslew_lab.cli.compare import Sets, TrialFile, compare
+from flexslew_lab.cli.compare import compare
 from flexslew_lab.cli.completion import completion
 from flexslew_lab.cli.conform import conform
 from flexslew_lab.cli.console import console
@@ -32,17 +32,18 @@ from flexslew_lab.cli.interrupt import (
     interrupts_only,
     while_running,
 )
-from flexslew_lab.cli.log import Json, log, reading_limits, recover
+from flexslew_lab.cli.log import exit_unless, log, reading_limits, recover
 from flexslew_lab.cli.missing import remedy, require_ros
 from flexslew_lab.cli.model import model
 from flexslew_lab.cli.operate import COMMANDS
+from flexslew_lab.cli.options.shared import Json, RunFolder, Sets, TrialFile, TrustOption
 from flexslew_lab.cli.options.with_command import CommandWithProgram
 from flexslew_lab.cli.output.open_page import Open, open_page
 from flexslew_lab.cli.output.plain_help import without_types
 from flexslew_lab.cli.output.reproduced import show_rows
 from flexslew_lab.cli.play import live, play
 from flexslew_lab.cli.publish import archive, figure
-from flexslew_lab.cli.replay import TrustOption, check, resim
+from flexslew_lab.cli.replay import check, resim
 from flexslew_lab.cli.runs import runs
 from flexslew_lab.cli.schema import schema
 from flexslew_lab.cli.study import study
@@ -89,7 +90,7 @@ def trial(
     in_process: Annotated[
         bool, typer.Option("--in-process", help="Without ROS: the same ticks and bits.")
     ] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
+    out: RunFolder = None,
     no_report: Annotated[
         bool, typer.Option("--no-report", help="Do not write report.html.")
     ] = False,
@@ -344,8 +345,7 @@ def reproduce(
             write_figures(name, figures)
     if as_json:
         print(json_text(found[name] if name else found))
-    if any(row["ok"] is False for rows in found.values() for row in rows):
-        raise typer.Exit(1)
+    exit_unless(all(row["ok"] is not False for rows in found.values() for row in rows))
 
 
 _GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from flexslew_lab.cli.compare import Sets, TrialFile
 from flexslew_lab.cli.options.quantity import quantity
+from flexslew_lab.cli.options.shared import Sets, TrialFile
 from flexslew_lab.cli.terminal import print_message, print_table
 from flexslew_lab.named import names_in
 from flexslew_lab.trial.outputs import check_output_file

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.options.quantity import quantity
+from flexslew_lab.cli.options.shared import Json
 from flexslew_lab.cli.terminal import print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_lab.run.domain import (

@@ -7,9 +7,9 @@ from typing import Annotated
 import typer
 from rich.progress import BarColumn, Progress, TextColumn
 
-from flexslew_lab.cli.log import Bag
 from flexslew_lab.cli.options.option_groups import expand_options
 from flexslew_lab.cli.options.quantity import quantity
+from flexslew_lab.cli.options.shared import Bag
 from flexslew_lab.cli.terminal import for_people, print_message
 from flexslew_lab.run.domain import requested_domain
 from flexslew_lab.trial.outputs import bag_folder

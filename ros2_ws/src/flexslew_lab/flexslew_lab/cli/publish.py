@@ -8,7 +8,7 @@ import typer
 
 from flexslew_lab.cli.options.option_groups import expand_options
 from flexslew_lab.cli.options.quantity import quantity
-from flexslew_lab.cli.replay import TrustOption
+from flexslew_lab.cli.options.shared import TrustOption
 from flexslew_lab.cli.terminal import link, print_message
 from flexslew_lab.progress import display_progress
 from flexslew_plant.errors import BadInput

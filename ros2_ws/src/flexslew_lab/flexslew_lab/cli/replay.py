@@ -6,8 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
-from flexslew_lab.cli.log import Bag, Json, exit_unless
+from flexslew_lab.cli.log import exit_unless
 from flexslew_lab.cli.options.option_groups import expand_options
+from flexslew_lab.cli.options.shared import Bag, Json, TrustOption
 from flexslew_lab.cli.options.with_command import Patience, With, program_of
 from flexslew_lab.cli.terminal import (
     link,
@@ -21,13 +22,6 @@ from flexslew_lab.trial.outputs import bag_folder, check_output_file
 from flexslew_plant.counted import count_text
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
-
-TrustOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--trust", help="Allow this class that is named there: file.py:Class, or all; repeatable."
-    ),
-]
 
 
 @dataclass(frozen=True)
@@ -249,6 +243,7 @@ def _print_coverage(missing: str, changed: dict[str, tuple[str, str]]) -> None:
 
 def _settings(pairs: list[str]) -> dict[str, Any]:
     """Return `key=value` texts as settings; dots nest."""
+    from flexslew_lab.trial.overrides import override_values
     from flexslew_plant.yaml_data import load_yaml
 
     settings: dict[str, Any] = {}
@@ -256,12 +251,8 @@ def _settings(pairs: list[str]) -> dict[str, Any]:
         key, sign, text = pair.partition("=")
         if not (key and sign):
             raise BadInput(f"--set: {pair!r} is not of the form key=value")
-        place = settings
-        *path, last = key.split(".")
-        for part in path:
-            place = place.setdefault(part, {})
-        place[last] = load_yaml(text, f"--set {key}")
-    return settings
+        settings[key] = load_yaml(text, f"--set {key}")
+    return override_values({}, settings)
 
 
 def _plain(value: Any) -> Any:

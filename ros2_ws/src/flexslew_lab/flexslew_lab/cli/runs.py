@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.options.shared import Json
 from flexslew_lab.cli.output.open_page import Open, open_page
 from flexslew_lab.cli.terminal import link, print_message, print_table
 from flexslew_lab.json_text import json_text

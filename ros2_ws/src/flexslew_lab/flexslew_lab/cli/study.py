@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flexslew_lab.cli.compare import Workers
 from flexslew_lab.cli.interrupt import NODES_EXIT_TIMEOUT, exit_timeout
-from flexslew_lab.cli.log import Json, exit_unless
+from flexslew_lab.cli.log import exit_unless
+from flexslew_lab.cli.options.shared import Json, RunFolder, TrustOption, Workers
 from flexslew_lab.cli.output.study_results import print_summary, side_by_side
-from flexslew_lab.cli.replay import TrustOption
 from flexslew_lab.cli.terminal import print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_lab.progress import display_progress
@@ -169,7 +168,7 @@ def report(
 def fly(
     file: Place,
     index: Annotated[int, typer.Argument(help="Number of the trial in the study's table.")],
-    out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
+    out: RunFolder = None,
     trust: TrustOption = None,
     as_json: Json = False,
 ) -> None:

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.log import exit_unless
 from flexslew_lab.cli.options.option_groups import expand_options
+from flexslew_lab.cli.options.shared import Json
 from flexslew_lab.cli.terminal import link, print_message, print_table, print_verdict
 from flexslew_lab.json_text import json_text
 from flexslew_lab.progress import display_progress
@@ -84,8 +85,7 @@ def tune_structure(
         if found is not None:
             print_verdict(found.verdict)
     print_message(f"written {link(page)} and {folder / 'trial.yaml'}")
-    if not (tuned.met and flown and (found is None or found.holds)):
-        raise typer.Exit(1)
+    exit_unless(tuned.met and flown and (found is None or found.holds))
 
 
 def _guarantee(tuned: "TunedController") -> "Guarantee":

@@ -17,7 +17,7 @@ from flexslew_lab.export.c_code.printer import Interface, Signal, sources
 from flexslew_lab.export.c_code.statements import LANGUAGE
 from flexslew_lab.export.c_code.values import Array, Scalar, Tick, Unsupported
 from flexslew_lab.export.gains import gains_of
-from flexslew_lab.trial.trial import Trial, build_controllers, law_of, plan_of_trial
+from flexslew_lab.trial.trial import Trial, law_of
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 
@@ -57,29 +57,6 @@ class CModule(NamedTuple):
     tunable: bool = True  # whether the parameters may change at any tick, or before the first
 
 
-def controller_module(
-    trial: Trial, name: str | None = None, single: bool = False, source: str = ""
-) -> CModule:
-    """Return a controller of a trial as C code.
-
-    Args:
-        trial: the trial; its plan is made.
-        name: of the controller; None: the one that is active at the start.
-        single: float in place of double.
-        source: the trial's file, for messages.
-
-    Raises:
-        BadInput: there is no such controller, or it cannot be written out.
-        PlanFailed: there is no such plan.
-    """
-    name = trial.active if name is None else name
-    if name not in trial.controllers:
-        known = ", ".join(trial.controllers)
-        raise BadInput(f"no such controller; allowed: {known}", source, "--controller", name)
-    controller = build_controllers(trial, source)[name]
-    return module_of(trial, controller, plan_of_trial(trial, predict=False), single, source)
-
-
 def module_of(
     trial: Trial,
     controller: Controller,
@@ -87,7 +64,18 @@ def module_of(
     single: bool = False,
     source: str = "",
 ) -> CModule:
-    """Return a controller, as built, that follows a plan, as C code; see controller_module."""
+    """Return a controller, as built, that follows a plan, as C code.
+
+    Args:
+        trial: of the controller.
+        controller: of that trial.
+        plan: that it follows, or None.
+        single: float in place of double.
+        source: the trial's file, for messages.
+
+    Raises:
+        BadInput: if it refuses the plan, or cannot be written out.
+    """
     if plan is not None and (refused := controller.adopt(plan)):
         raise BadInput(refused.why, source, f"controllers.{controller.name}")
     law, _ = law_of(controller.name, trial.controllers[controller.name] or {})
@@ -138,13 +126,13 @@ def phases_of(make: Make, what: str, source: str, key: str) -> Phases:
     """
     evaluators = list[Evaluator]()
 
-    def kept() -> tuple[Evaluator, Callable[[int], None]]:
+    def make_and_keep() -> tuple[Evaluator, Callable[[int], None]]:
         made = make()
         evaluators.append(made[0])
         return made
 
     try:
-        return Phases(kept)
+        return Phases(make_and_keep)
     except Unsupported as error:
         place = next(reversed(evaluators[-1].place), "step")
         words = f"{what} cannot be written out: {place} has {error}; fly it as a process"
@@ -175,4 +163,4 @@ def measurement_signals(joints: int, tips: int) -> tuple[Signal, ...]:
     return tuple(signal for signal in signals if signal.size)
 
 
-__all__ = ["CModule", "Continuous", "Signal", "State", "controller_module", "module_of"]
+__all__ = ["CModule", "Continuous", "Signal", "State", "module_of"]

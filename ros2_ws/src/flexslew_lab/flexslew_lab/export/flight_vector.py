@@ -62,9 +62,7 @@ class _Answers(Observer):
             self.efforts[answer.command.tick] = answer.command.effort
 
 
-def plant_vector(
-    trial: Trial, module: CModule, plan: Plan | None, source: str, ticks: int = _TICKS
-) -> FlightVector:
+def plant_vector(trial: Trial, module: CModule, plan: Plan | None, source: str) -> FlightVector:
     """Return the efforts of a trial's flight in process, and the measurements after them.
 
     Its sensors are without noise, as those of the module.
@@ -74,10 +72,9 @@ def plant_vector(
         module: of its testbed.
         plan: its plan; None: there is none.
         source: the trial's file, for messages.
-        ticks: how many are kept.
     """
     seen = _flight(noise_free(trial), "", plan, source)
-    questions = [one for tick, one in sorted(seen.questions.items()) if tick <= ticks]
+    questions = [one for tick, one in sorted(seen.questions.items()) if tick <= _TICKS]
     pairs = list(pairwise(questions))
     # the brake gives no answer, and demands what it applies
     demand = {a.tick: seen.efforts.get(a.tick, b.applied_effort) for a, b in pairs}

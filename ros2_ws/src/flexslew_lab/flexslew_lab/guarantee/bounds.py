@@ -9,11 +9,11 @@ import numpy as np
 from flexslew_lab.analysis.analysis import Analysis
 from flexslew_lab.guarantee.box import Box
 from flexslew_lab.guarantee.certificate import Certificate, certify
-from flexslew_lab.guarantee.parameters import Vary, box_of, largest_scale, loop_values
+from flexslew_lab.guarantee.model.parameters import Vary, box_of, largest_scale, loop_values
+from flexslew_lab.guarantee.model.uncertain_loop import GainLimit, UncertainLoop
+from flexslew_lab.guarantee.model.varied_loop import VariedLoop, default_vary, varied_loop
 from flexslew_lab.guarantee.response import largest_peak, peak_at
 from flexslew_lab.guarantee.search import Breakdown, breakdown
-from flexslew_lab.guarantee.uncertain_loop import GainLimit, UncertainLoop
-from flexslew_lab.guarantee.varied_loop import VariedLoop, default_vary, varied_loop
 from flexslew_lab.guarantee.worst_case import (
     RESPONSES,
     DisturbanceResponse,

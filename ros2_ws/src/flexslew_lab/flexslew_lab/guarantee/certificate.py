@@ -12,28 +12,29 @@ from time import thread_time
 
 import numpy as np
 
-from flexslew_lab.guarantee.box import corners
-from flexslew_lab.guarantee.cell_cover import (
+from flexslew_lab.guarantee.box import corners_and_inner
+from flexslew_lab.guarantee.cells.cell_cover import (
     Cell,
     cover_by_cells,
     failed_check,
     share_of,
     uncovered,
 )
+from flexslew_lab.guarantee.cells.gain_cells import BoundedCell, bounded_cells, exceeding
 from flexslew_lab.guarantee.deadline import OutOfTimeError, require_time
-from flexslew_lab.guarantee.frequency_cover import Arc, LoopChannels, cover
-from flexslew_lab.guarantee.gain_cells import BoundedCell, bounded_cells, exceeding
-from flexslew_lab.guarantee.scalings import MOST_UNKNOWNS, Scalings
-from flexslew_lab.guarantee.system_fit import system_fit
-from flexslew_lab.guarantee.uncertain_loop import (
+from flexslew_lab.guarantee.fit.dynamics_fit import system_fit
+from flexslew_lab.guarantee.model.uncertain_loop import (
     GainLimit,
     UncertainLoop,
     channels_of,
     structure,
 )
+from flexslew_lab.guarantee.scalings.frequency_cover import Arc, LoopChannels, cover
+from flexslew_lab.guarantee.scalings.multipliers import MOST_UNKNOWNS, Scalings
 from flexslew_plant.arrays import Matrix, Vector
 
 _HALF = 0.5
+_MOST_PARTS = 64  # of the box
 _ATTEMPTS = 4  # of the time that is left, for one part
 _LIGHT, _RIGID = 0.01, 1e-9  # damping ratio; modulus of a pole that decays at once
 _SLOW = 0.2  # of a pole's angle: a pole nearer to the circle is one of the first frequencies
@@ -76,14 +77,13 @@ class Certificate:
 
 
 def certify(
-    loop: UncertainLoop, gain: GainLimit | None = None, parts: int = 64, seconds: float = 30.0
+    loop: UncertainLoop, gain: GainLimit | None = None, seconds: float = 30.0
 ) -> Certificate:
     """Return a certificate of robust stability over the loop's box, and of a gain.
 
     Args:
         loop: over its box.
         gain: to be bounded, or None.
-        parts: largest number of parts of the box.
         seconds: of the processor for all of it; the certificate then names what is open.
     """
     end, by_cells = thread_time() + seconds, ""
@@ -102,12 +102,10 @@ def certify(
         size = f"{loop.states} states and {len(loop.box.centre)} parameters"
         words = f"{by_cells}{unknowns} scalings of {size} are too many (at most {MOST_UNKNOWNS})"
         return Certificate((), ended=words)
-    return _certified_by_scalings(loop, gain, parts, end)
+    return _certified_by_scalings(loop, gain, end)
 
 
-def _certified_by_scalings(
-    loop: UncertainLoop, gain: GainLimit | None, parts: int, end: float
-) -> Certificate:
+def _certified_by_scalings(loop: UncertainLoop, gain: GainLimit | None, end: float) -> Certificate:
     waiting: list[tuple[UncertainLoop, list[float]]] = [(loop, [])]
     proved: list[CertifiedPart] = []
     while waiting:
@@ -120,7 +118,7 @@ def _certified_by_scalings(
         if found.open_at is None:
             proved.append(CertifiedPart(part, found.arcs))
             continue
-        if len(proved) + len(waiting) + 2 > parts or thread_time() > end:
+        if len(proved) + len(waiting) + 2 > _MOST_PARTS or thread_time() > end:
             words = f"{len(proved)} of {len(proved) + len(waiting) + 1} parts of the box are proved"
             return Certificate(tuple(proved), open_at=found.open_at, ended=words)
         axis = _axis(channels, scalings, found.open_at, part.form.sizes)
@@ -147,11 +145,11 @@ def _certified_by_cells(
         OutOfTimeError: if the check is not done at the end.
     """
     if gain is not None:
-        fit, n = system_fit(loop.exact, loop.box, loop.fit.shown), loop.states
-        bounded = bounded_cells(fit, gain.complement, gain.bound, seconds)
+        fit = system_fit(loop.exact, loop.box, loop.fit.shown)
+        bounded = bounded_cells(fit, gain, seconds)
         if bounded is None or uncovered([cell.box for cell in bounded], loop.box) is not None:
             return Certificate((), ended="no cells have this bound")
-        if exceeding(loop.exact, n, gain.complement, gain.bound, bounded, end) is not None:
+        if exceeding(loop, gain, bounded, end) is not None:
             return Certificate((), ended="a check exceeds the bound")
         return _with_stable_points(loop, bounded, end)
     found = cover_by_cells(loop.dynamics, loop.stable, loop.fit, seconds)
@@ -185,12 +183,8 @@ def _with_stable_points(
 
 def _check_points(m: int, parts: int, rng: np.random.Generator) -> Matrix:
     """Return corners and random points of a part, normalised, fewer where there are many parts."""
-    outer = corners(m)
     most = _MOST_CORNERS // parts + 2
-    if len(outer) > most:
-        outer = outer[rng.choice(len(outer), most, replace=False)]
-    inner = rng.uniform(-1.0, 1.0, (min(_POINTS, most), m))
-    return np.vstack((outer, inner)) * (1.0 - 1e-6)
+    return corners_and_inner(m, most, min(_POINTS, most), rng) * (1.0 - 1e-6)
 
 
 def checked(

@@ -5,20 +5,20 @@ from time import thread_time
 import numpy as np
 
 from flexslew_lab.guarantee.deadline import OutOfTimeError
-from flexslew_lab.guarantee.frequency_cover import peak
-from flexslew_lab.guarantee.response import grid_of, response_at, sample_points, sizes
-from flexslew_lab.guarantee.scalings import MOST_UNKNOWNS
-from flexslew_lab.guarantee.uncertain_loop import (
+from flexslew_lab.guarantee.model.uncertain_loop import (
     GainLimit,
     UncertainLoop,
     channels_of,
     structure,
 )
-from flexslew_lab.guarantee.varied_loop import VariedLoop
+from flexslew_lab.guarantee.model.varied_loop import VariedLoop
+from flexslew_lab.guarantee.response import grid_of, sample_points, sizes
+from flexslew_lab.guarantee.scalings.frequency_cover import peak
+from flexslew_lab.guarantee.scalings.multipliers import MOST_UNKNOWNS
 from flexslew_lab.guarantee.worst_case import RESPONSES, DisturbanceResponse, WorstCase
-from flexslew_lab.report.panels import Group, Panel, legend, style
+from flexslew_lab.report.panels import Group, Panel, decibels, legend, style
 from flexslew_lab.report.sections import Section
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Matrix
 
 _CURVE, _SECONDS = 24, 8.0  # most frequencies of the curve of mu, and its time [s]
 _RAY = 80  # points from the centre to the side of the box
@@ -30,15 +30,13 @@ def worst_case_figures(found: WorstCase, varied: VariedLoop) -> list[Section]:
     return [*_mu(found, varied), *_bands(found, varied)]
 
 
-def upper_bounds(loop: UncertainLoop, seconds: float = _SECONDS) -> Matrix:
-    """Return angles [rad] and upper bounds of mu there, shape (2, k).
+def upper_bounds(loop: UncertainLoop) -> Matrix:
+    """Return angles [rad] and upper bounds of mu there, shape (2, k), over the loop's box.
 
-    Args:
-        loop: over its box.
-        seconds: after which no frequency is added; those that are done are spread evenly. None are
-            done where the scalings are too many.
+    After `_SECONDS` no frequency is added; those that are done are spread evenly. None are done
+    where the scalings are too many.
     """
-    channels, blocks, end = channels_of(loop), structure(loop), thread_time() + seconds
+    channels, blocks, end = channels_of(loop), structure(loop), thread_time() + _SECONDS
     if blocks.unknowns > MOST_UNKNOWNS:
         return np.zeros((2, 0))
     angles = grid_of(channels.a)
@@ -52,7 +50,7 @@ def upper_bounds(loop: UncertainLoop, seconds: float = _SECONDS) -> Matrix:
     return np.array(sorted(done)).reshape(-1, 2).T
 
 
-def lower_bounds(loop: UncertainLoop, scale: float, seconds: float = _SECONDS) -> Matrix:
+def lower_bounds(loop: UncertainLoop, scale: float) -> Matrix:
     """Return angles [rad] and lower bounds of mu, shape (2, k): loops with a pole on the circle.
 
     On rays from the centre to the side of the box, the first of a few points that is not stable.
@@ -60,9 +58,8 @@ def lower_bounds(loop: UncertainLoop, scale: float, seconds: float = _SECONDS) -
     Args:
         loop: over a box about the same centre as the ranges.
         scale: of this box, of the ranges.
-        seconds: after which no ray is added.
     """
-    steps, found, end = np.linspace(0.0, 1.0, _RAY + 1), [], thread_time() + seconds
+    steps, found, end = np.linspace(0.0, 1.0, _RAY + 1), [], thread_time() + _SECONDS
     for ray in sample_points(loop)[1:]:
         if thread_time() > end:
             break
@@ -96,7 +93,7 @@ def _mu(found: WorstCase, varied: VariedLoop) -> list[Group]:
     panel.limits = (1.0,)
     if not (angle.size or w.size):
         return []
-    _over_frequency(panel, np.sort(np.append(angle, w)) / found.period)
+    panel.over_frequency(np.sort(np.append(angle, w)) / found.period)
     words = (
         "Below one: every loop within the ranges is stable at this frequency. Mu of real "
         "parameters jumps where a loop has a pole on the circle, also between the frequencies of "
@@ -129,8 +126,9 @@ def _band(
 ) -> tuple[Panel, list[str]]:
     limit = GainLimit(1.0, response.complement)
     points = sample_points(loop)
-    angles = grid_of(response_at(loop, points[0], limit).a)
-    curves = [sizes(response_at(loop, delta, limit), angles) for delta in points]
+    responses = [loop.response(loop.box.at(delta), limit) for delta in points]
+    angles = grid_of(responses[0].a)
+    curves = [sizes(system, angles) for system in responses]
     unit = "dB re 1 rad/(N m)" if response.pointing else "dB"
     panel, w = Panel(f"{response.name} to the efforts' disturbance", unit, height=220), angles
     w = angles / found.period
@@ -142,21 +140,11 @@ def _band(
     gain = next((g for g in found.gains if g.name == response.name), None)
     if gain is not None:
         values = np.array([gain.values[p.name] for p in found.parameters])
-        delta = (values - loop.box.centre) / loop.box.radius
-        lines.append(("worst case", sizes(response_at(loop, delta, limit), angles)))
+        lines.append(("worst case", sizes(loop.response(values, limit), angles)))
         if np.isfinite(gain.bound):
             lines.append(("none above", np.full(len(w), gain.bound)))
     for k, (name, values) in enumerate(lines):
-        panel.line(w, _decibels(values), name, style(k))
+        panel.line(w, decibels(values), name, style(k))
     panel.y_range = (_BOTTOM if response.pointing else -_TOP, _TOP)
-    _over_frequency(panel, w)
+    panel.over_frequency(w)
     return panel, [name for name, _ in lines]
-
-
-def _decibels(values: Vector) -> Vector:
-    return np.asarray(20.0 * np.log10(np.maximum(values, 1e-12)))
-
-
-def _over_frequency(panel: Panel, w: Vector) -> None:
-    panel.x_title, panel.x_log = "frequency [rad/s]", True
-    panel.x_range = (float(np.log10(w[0])), float(np.log10(w[-1])))

@@ -9,9 +9,9 @@ from flexslew_lab.analysis.analysis import Analysis
 from flexslew_lab.analysis.mode_flight import require_same_bench
 from flexslew_lab.analysis.proof import measured_pole, mode_near
 from flexslew_lab.guarantee.bounds import worst_case_of
-from flexslew_lab.guarantee.parameters import Vary, loop_values
-from flexslew_lab.guarantee.situation import situation_at
-from flexslew_lab.guarantee.varied_loop import (
+from flexslew_lab.guarantee.model.parameters import Vary, loop_values
+from flexslew_lab.guarantee.model.situation import situation_at
+from flexslew_lab.guarantee.model.varied_loop import (
     VariedLoop,
     default_vary,
     varied_loop,

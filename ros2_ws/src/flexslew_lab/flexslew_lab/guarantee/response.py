@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_lab.guarantee.box import corners
-from flexslew_lab.guarantee.frequency_cover import LoopChannels
-from flexslew_lab.guarantee.uncertain_loop import GainLimit, UncertainLoop
+from flexslew_lab.guarantee.box import corners_and_inner
+from flexslew_lab.guarantee.model.uncertain_loop import GainLimit, UncertainLoop
+from flexslew_lab.guarantee.scalings.frequency_cover import LoopChannels
 from flexslew_plant.arrays import Matrix, Vector
 
 _GRID, _LOWEST = 80, 1e-4  # angles of z, the first one [rad]
@@ -29,7 +29,7 @@ class Peak(NamedTuple):
 
 def peak_at(loop: UncertainLoop, delta: Vector, gain: GainLimit) -> float:
     """Return the peak over frequency of a response at normalised coordinates [-]."""
-    system = response_at(loop, delta, gain)
+    system = loop.response(loop.box.at(delta), gain)
     return float(sizes(system, grid_of(system.a)).max())
 
 
@@ -52,19 +52,7 @@ def largest_peak(loop: UncertainLoop, gain: GainLimit, end: float = np.inf) -> P
 def sample_points(loop: UncertainLoop) -> Matrix:
     """Return the centre, corners and random points of the box, normalised, shape (k, m)."""
     m, rng = len(loop.box.centre), np.random.default_rng(4)
-    outer = corners(m)
-    if len(outer) > _MOST_CORNERS:
-        outer = outer[rng.choice(len(outer), _MOST_CORNERS, replace=False)]
-    return np.vstack((np.zeros((1, m)), outer, rng.uniform(-1.0, 1.0, (_SAMPLES, m))))
-
-
-def response_at(loop: UncertainLoop, delta: Vector, gain: GainLimit) -> LoopChannels:
-    """Return S or -T at normalised coordinates."""
-    s, n = loop.exact(loop.box.at(delta)), loop.states
-    direct = s[n:, n:]
-    if gain.complement:
-        direct = np.eye(len(direct)) + direct
-    return LoopChannels(s[:n, :n], s[:n, n:], s[n:, :n], direct)
+    return np.vstack((np.zeros((1, m)), corners_and_inner(m, _MOST_CORNERS, _SAMPLES, rng)))
 
 
 def sizes(system: LoopChannels, angles: Vector) -> Vector:

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from flexslew_lab.guarantee.box import corners
-from flexslew_lab.guarantee.uncertain_loop import UncertainLoop
+from flexslew_lab.guarantee.box import corners_and_inner
+from flexslew_lab.guarantee.model.uncertain_loop import UncertainLoop
 from flexslew_plant.arrays import Matrix, Vector
 
 _POINTS, _MOST_CORNERS, _ASCENTS = 400, 64, 3
@@ -40,21 +40,17 @@ class Breakdown(NamedTuple):
 
 
 def breakdown(
-    loop: UncertainLoop, unstable: Vector | None = None, seed: int = 1, end: float = np.inf
+    loop: UncertainLoop, unstable: Vector | None = None, end: float = np.inf
 ) -> Breakdown | None:
     """Return the nearest loop that is not stable, as a search has found it, or None.
 
     Args:
         loop: over the largest box to be searched.
         unstable: values of a loop that is not stable, where the search begins, or None.
-        seed: of random starts.
         end: of the search, as time.thread_time counts [s]; the nearest one until then is returned.
     """
-    m, rng = len(loop.box.centre), np.random.default_rng(seed)
-    starts = corners(m)
-    if len(starts) > _MOST_CORNERS:
-        starts = starts[rng.choice(len(starts), _MOST_CORNERS, replace=False)]
-    starts = np.vstack((starts, rng.uniform(-1.0, 1.0, (_POINTS, m))))
+    m, rng = len(loop.box.centre), np.random.default_rng(1)
+    starts = corners_and_inner(m, _MOST_CORNERS, _POINTS, rng)
     found, scale = None, 1.0
     if unstable is not None:
         found = _edge(loop, (unstable - loop.box.centre) / loop.box.radius)

@@ -4,23 +4,11 @@ import numpy as np
 
 from flexslew_lab.guarantee.figures import worst_case_figures
 from flexslew_lab.guarantee.flight import Guarantee
-from flexslew_lab.guarantee.parameters import loop_values
-from flexslew_lab.guarantee.worst_case import WorstCase
+from flexslew_lab.guarantee.worst_case import WORST_COLUMNS, WorstCase
 from flexslew_lab.report.sections import Section, Table, Text
 from flexslew_lab.short_values import in_columns
 
 GAIN_COLUMNS = ("peak of", "centre", "found", "none above", "found at")
-WORST_COLUMNS = ("parameter", "low", "high", "unstable at")
-
-
-def worst_rows(found: WorstCase) -> list[tuple[str, ...]]:
-    """Return a row for each parameter."""
-    unstable = found.unstable
-    values = {} if unstable is None else loop_values(found.parameters, unstable.values)
-    return [
-        (p.name, f"{p.low:.5g}", f"{p.high:.5g}", f"{values[p.name]:.6g}" if values else "-")
-        for p in found.parameters
-    ]
 
 
 def gain_rows(found: WorstCase) -> list[list[str]]:
@@ -50,7 +38,7 @@ def worst_case_sections(guarantee: Guarantee, command: str = "") -> list[Section
         "input [-], pointing from a disturbance of the efforts to the joints [rad/(N m) or m/N]."
     )
     sections: list[Section] = [
-        Table("Guarantee", words, WORST_COLUMNS, worst_rows(found)),
+        Table("Guarantee", words, WORST_COLUMNS, found.rows),
         Text("Fly it", command if found.unstable is not None else ""),
         Table("Worst-case gains", bounds, GAIN_COLUMNS, gain_rows(found)),
     ]

@@ -6,13 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_lab.analysis.analysis import finite
 from flexslew_lab.guarantee.box import Box
 from flexslew_lab.guarantee.certificate import Certificate
-from flexslew_lab.guarantee.parameters import Uncertain, box_of, loop_values
-from flexslew_lab.guarantee.polynomial import FitError
+from flexslew_lab.guarantee.fit.polynomial import FitError
+from flexslew_lab.guarantee.model.parameters import Uncertain, box_of, loop_values
 from flexslew_lab.guarantee.search import Breakdown
-from flexslew_lab.short_values import short
+from flexslew_lab.json_text import finite
 from flexslew_plant.notebook_table import in_notebook
 
 
@@ -30,6 +29,7 @@ class DisturbanceResponse(NamedTuple):
     pointing: bool = False
 
 
+WORST_COLUMNS = ("parameter", "low", "high", "unstable at")
 RESPONSES = (
     DisturbanceResponse("S", complement=True),
     DisturbanceResponse("T"),
@@ -114,8 +114,7 @@ class WorstCase:
             at = "" if angle is None else f" at {angle / self.period:.3g} rad/s in the time allowed"
             reached = f": {self.certificate.ended}" if self.certificate.ended else ""
             parts = [f"not certified{at}{reached}"]
-        if self.unstable is not None:
-            values = loop_values(self.parameters, self.unstable.values)
+        if (values := self.unstable_at) is not None:
             at = ", ".join(self._value(p, values[p.name]) for p in self.parameters)
             parts.append(f"unstable at {at} ({self.frequency:.3g} rad/s)")
             if self.certified > 0.0:
@@ -146,16 +145,25 @@ class WorstCase:
 
     def _repr_html_(self) -> str:
         """Return the parameters of the nearest unstable loop, for notebooks."""
-        values = {} if self.unstable is None else loop_values(self.parameters, self.unstable.values)
-        rows = (
-            (p.name, short(p.low), short(p.high), short(values[p.name]) if values else "-")
+        return in_notebook(repr(self), WORST_COLUMNS, self.rows)
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """A row of WORST_COLUMNS for each parameter."""
+        values = self.unstable_at
+        return [
+            (p.name, f"{p.low:.5g}", f"{p.high:.5g}", f"{values[p.name]:.6g}" if values else "-")
             for p in self.parameters
-        )
-        return in_notebook(repr(self), ("parameter", "low", "high", "unstable at"), rows)
+        ]
+
+    @property
+    def unstable_at(self) -> dict[str, float] | None:
+        """Parameters of the nearest unstable loop by name, None if there is none."""
+        found = self.unstable
+        return None if found is None else loop_values(self.parameters, found.values)
 
     def plain(self) -> dict[str, Any]:
         """Return the numbers as JSON holds them."""
-        unstable = self.unstable
         found: dict[str, Any] = finite(
             {
                 "verdict": self.verdict,
@@ -164,10 +172,8 @@ class WorstCase:
                 "certified_scale": self.certified,
                 "parts": len(self.certificate.parts),
                 "checked_points": self.certificate.checked,
-                "unstable_scale": None if unstable is None else unstable.scale,
-                "unstable_at": None
-                if unstable is None
-                else loop_values(self.parameters, unstable.values),
+                "unstable_scale": None if self.unstable is None else self.unstable.scale,
+                "unstable_at": self.unstable_at,
                 "unstable_frequency": self.frequency,
                 "searched_scale": self.searched,
                 "gap": self.gap,

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from flexslew_lab.identification.modal.oscillators import Oscillator
+from flexslew_lab.identification.modal.oscillators import oscillators_of
 from flexslew_lab.identification.modal.projection import Projection
 from flexslew_lab.identification.records.record import Quantity, Record
+from flexslew_lab.trial.overrides import override_values
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Model, Testbed, initial_state, with_changes
@@ -39,7 +39,7 @@ class FlightSimulation:
     def testbed(self, values: Vector) -> Testbed:
         """Return the testbed with these logarithms of its parameters."""
         keys = dict(zip(self._names, np.exp(values).tolist(), strict=True))
-        return with_changes(self._testbed, nested(keys), "--fit")
+        return with_changes(self._testbed, override_values({}, keys), "--fit")
 
     def simulate(self, values: Vector) -> Matrix:
         """Return the readings of the sensors without errors, (ticks + 1, outputs)."""
@@ -167,10 +167,7 @@ def _free_responses(record: Record, model: Model) -> dict[Quantity, Matrix]:
     poles = linear.eigenvalues
     poles = poles[poles.imag > 1e-6]
     no_effort = np.zeros((record.ticks, 0))
-    free = [
-        Oscillator(float(abs(s)), float(-s.real / abs(s))).responses(no_effort, record.period)
-        for s in poles
-    ]
+    free = [mode.responses(no_effort, record.period) for mode in oscillators_of(poles)]
     positions, rates = [q for q, _ in free], [v for _, v in free]
     return {
         Quantity.JOINT_POSITION: np.column_stack((one, line, *positions)),
@@ -182,15 +179,3 @@ def _free_responses(record: Record, model: Model) -> dict[Quantity, Matrix]:
 
 def _unit(columns: Matrix) -> Matrix:
     return np.asarray(columns / np.sqrt(np.einsum("ij,ij->j", columns, columns)))
-
-
-def nested(paths: dict[str, Any]) -> dict[str, Any]:
-    """Return values by dotted path as nested keys."""
-    out: dict[str, Any] = {}
-    for path, value in paths.items():
-        *outer, last = path.split(".")
-        place = out
-        for part in outer:
-            place = place.setdefault(part, {})
-        place[last] = value
-    return out

@@ -1,7 +1,7 @@
 """Runs in, a model with its bounds out."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +11,8 @@ from flexslew_control.law import plant_description
 from flexslew_control.message_fields import plan_of
 from flexslew_control.plan import Plan
 from flexslew_control.planners.excitation.excitation import EXCITATION
-from flexslew_lab.identification.flights import nested
 from flexslew_lab.identification.modal.modal_fit import prediction_error, refined
-from flexslew_lab.identification.modal.modes import Interval, ModalModel, identify_modes
+from flexslew_lab.identification.modal.modes import ModalModel, identify_modes
 from flexslew_lab.identification.modal.regressors import RegressorSignals
 from flexslew_lab.identification.model_file import testbed_of
 from flexslew_lab.identification.physical_fit import PhysicalFit, fit_parameters
@@ -25,6 +24,7 @@ from flexslew_lab.identification.responses.frequency_response import (
 )
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.short_values import short
+from flexslew_lab.trial.overrides import override_values
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.notebook_table import in_notebook
@@ -112,8 +112,8 @@ class Identification:
             "band": list(model.band),
             "modes": [
                 {
-                    "frequency": _plain(mode.frequency),
-                    "damping_ratio": _plain(mode.damping_ratio),
+                    "frequency": asdict(mode.frequency),
+                    "damping_ratio": asdict(mode.damping_ratio),
                     "periods": mode.periods,
                     "participation": dict(
                         zip(model.record.inputs, mode.participation.tolist(), strict=True)
@@ -122,7 +122,7 @@ class Identification:
                 }
                 for mode in model.modes
             ],
-            "inertia": [[_plain(entry) for entry in row] for row in model.inertia],
+            "inertia": [[asdict(entry) for entry in row] for row in model.inertia],
             "noise": dict(
                 zip((o.name for o in model.record.outputs), model.fit.noise.tolist(), strict=True)
             ),
@@ -136,7 +136,7 @@ class Identification:
             },
             "parameters": None
             if physical is None
-            else {p.key: _plain(p.value) for p in physical.parameters},
+            else {p.key: asdict(p.value) for p in physical.parameters},
             "warnings": [*model.doubts, *(() if physical is None else physical.warnings)],
             "validation": [
                 {
@@ -262,7 +262,11 @@ def _physical(
 ) -> PhysicalFit:
     if first.testbed is None:
         raise BadInput(f"{first.record.source}: --fit needs the testbed, which this log lacks")
-    testbed = with_changes(first.testbed, nested(start), "--start") if start else first.testbed
+    testbed = (
+        with_changes(first.testbed, override_values({}, start), "--start")
+        if start
+        else first.testbed
+    )
     return fit_parameters(model, testbed, fit, progress)
 
 
@@ -289,7 +293,3 @@ def validated_on(model: ModalModel, record: Record) -> Validation:
         1.0 - (size / np.where(spread > 0.0, spread, 1.0)) ** 2,
         size / model.fit.noise,
     )
-
-
-def _plain(one: Interval) -> dict[str, float]:
-    return {"value": one.value, "low": one.low, "high": one.high}

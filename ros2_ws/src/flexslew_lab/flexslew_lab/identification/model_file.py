@@ -1,5 +1,6 @@
 """What an experiment has found, as a file that plans and laws believe."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -8,9 +9,10 @@ import numpy as np
 from flexslew_control.analysis.linear_plant import continuous_plant
 from flexslew_control.analysis.model_file import save_model
 from flexslew_control.analysis.rest import rest_of
-from flexslew_lab.identification.modal.modes import CONFIDENCE, Interval, ModalModel
+from flexslew_lab.identification.modal.modes import CONFIDENCE, ModalModel
 from flexslew_lab.identification.records.record import Quantity
 from flexslew_lab.json_text import nan_as_null
+from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain
@@ -98,13 +100,13 @@ def file_text(found: ModalModel, fitted: dict[str, Any] | None = None) -> tuple[
         "confidence": CONFIDENCE,
         "modes": [
             {
-                "frequency": _interval(mode.frequency),
-                "damping_ratio": _interval(mode.damping_ratio),
+                "frequency": asdict(mode.frequency),
+                "damping_ratio": asdict(mode.damping_ratio),
                 "periods": round(mode.periods, 1),
             }
             for mode in found.modes
         ],
-        "inertia": [[_interval(entry) for entry in row] for row in found.inertia],
+        "inertia": [[asdict(entry) for entry in row] for row in found.inertia],
     }
     why = ""
     try:
@@ -189,10 +191,6 @@ def appendage_file_text(found: ModalModel, axes: dict[str, str]) -> str:
     return yaml_text(nan_as_null(content))
 
 
-def _interval(one: Interval) -> dict[str, float]:
-    return {"value": one.value, "low": one.low, "high": one.high}
-
-
 def write_model(path: Path, text: str) -> None:
     """Write the file whole or not at all.
 
@@ -201,8 +199,6 @@ def write_model(path: Path, text: str) -> None:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_name(path.name + ".part")
-        part.write_text(text)
-        part.replace(path)
+        write_whole(path, text)
     except OSError as error:
         raise BadInput(f"{path}: cannot be written: {error.strerror}") from None

@@ -1,17 +1,15 @@
 """The page of an identification: verdict, modes, responses with bands, poles, whiteness."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
 from flexslew_lab.identification.identification import Identification
-from flexslew_lab.identification.modal.modes import Interval
+from flexslew_lab.identification.modal.modes import Interval, autocorrelation
 from flexslew_lab.identification.records.record import Output
 from flexslew_lab.identification.responses.frequency_response import FrequencyResponse
 from flexslew_lab.report.panels import Group, Panel, legend, style
 from flexslew_lab.report.sections import Section, Table, Text, page_of_sections
-from flexslew_plant.arrays import Vector
 from flexslew_plant.counted import count_text
 
 _MAX_POINTS = 2000  # points of a residual's curve
@@ -177,7 +175,7 @@ def residuals(found: Identification) -> Group:
     for k, output in enumerate(found.model.record.outputs):
         panel = Panel(f"{output.name}, residual {fit.noise[k]:.3g} {output.unit}", height=110)
         panel.x_title = "lag [ticks]"
-        panel.line(lags.astype(float), _autocorrelation(fit.residual[:, k], lags), "", style(k))
+        panel.line(lags.astype(float), autocorrelation(fit.residual[:, k], lags), "", style(k))
         panel.limits = (2.58 / np.sqrt(n), -2.58 / np.sqrt(n))
         panels.append(panel)
     return Group(
@@ -185,12 +183,6 @@ def residuals(found: Identification) -> Group:
         "Autocorrelation of what the model leaves; 99 % of white noise stays between the lines.",
         panels,
     )
-
-
-def _autocorrelation(values: Vector, lags: Any) -> Vector:
-    centered = values - values.mean()
-    size = float(centered @ centered) or 1.0
-    return np.array([float(centered[k:] @ centered[: len(centered) - k]) / size for k in lags])
 
 
 def format_interval(one: Interval) -> str:

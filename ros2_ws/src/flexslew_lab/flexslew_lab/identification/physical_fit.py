@@ -15,8 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import least_squares, linear_sum_assignment
 
-from flexslew_lab.identification.flights import FlightSimulation, Mismatch, nested
+from flexslew_lab.identification.flights import FlightSimulation, Mismatch
 from flexslew_lab.identification.modal.modes import Interval, ModalModel, interval
+from flexslew_lab.trial.overrides import override_values
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import flat, plain
@@ -59,7 +60,7 @@ class PhysicalFit:
     @property
     def changes(self) -> dict[str, Any]:
         """The keys of the testbed's section that were found, nested."""
-        return nested({p.key: p.value.value for p in self.parameters})
+        return override_values({}, {p.key: p.value.value for p in self.parameters})
 
 
 def fit_parameters(

@@ -1,7 +1,7 @@
 """Metrics of runs as a table for a paper: LaTeX or CSV, one column per run."""
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -65,10 +65,14 @@ def _unit(runs: Sequence[LabelledRun], name: str) -> str:
 
 def _csv(labels: Sequence[str], rows: Sequence[_Row]) -> str:
     """Return a table with all digits; an empty cell is a metric that a run does not have."""
+    head = ["metric", "unit", *labels]
+    return csv_text([head, *([name, unit, *values] for name, unit, values in rows)])
+
+
+def csv_text(rows: Iterable[Sequence[Any]]) -> str:
+    """Return rows as CSV; None is an empty cell."""
     text = StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["metric", "unit", *labels])
-    writer.writerows([name, unit, *values] for name, unit, values in rows)
+    csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()
 
 

@@ -15,6 +15,7 @@ LINE_STYLES = ("solid", "dash", "dot", "dashdot")  # to distinguish curves after
 MANOEUVRE, DISTURBANCE, FAULT = "#0b6bcb", "#9a4fc4", "#c2375f"
 _SINGLE = 1e4  # largest place on an axis that single precision holds to a thousandth
 _ROUNDING = 1e-12  # up to which a place or an angle has not moved [m or rad]
+_NO_GAIN = 1e-12  # smallest size that is drawn [-]
 _MAX_NUMBERS = 3  # of the numbers over shaded times
 
 
@@ -62,6 +63,11 @@ class Panel:
                 **more,
             }
         )
+
+    def over_frequency(self, frequency: Vector) -> None:
+        """Let the x axis be of these frequencies, rising [rad/s]."""
+        self.x_title, self.x_log = "frequency [rad/s]", True
+        self.x_range = (float(np.log10(frequency[0])), float(np.log10(frequency[-1])))
 
     def layout(self, marks: Sequence[Mark], last: bool) -> dict[str, Any]:
         """Return the layout as plotly.js takes it.
@@ -144,7 +150,6 @@ class Group:
 def stacked(
     labels: Sequence[str],
     paths: Mapping[str, tuple[Vector, Matrix]],
-    title: str = "",
     words: str = "",
     x_title: str = "time [s]",
 ) -> Group:
@@ -153,15 +158,19 @@ def stacked(
     Args:
         labels: titles of the panels.
         paths: by name, x of shape (k,) and the columns, shape (k, panels).
-        title: of the group.
-        words: below the title.
+        words: below its title.
         x_title: quantity and unit of x.
     """
     panels = [Panel(label, x_title=x_title) for label in labels]
     for number, (name, (x, columns)) in enumerate(paths.items()):
         for panel, y in zip(panels, columns.T, strict=True):
             panel.line(x, y, name, style(number))
-    return Group(title, words, panels, legend(list(paths)) if len(paths) > 1 else ())
+    return Group("", words, panels, legend(list(paths)) if len(paths) > 1 else ())
+
+
+def decibels(size: Matrix) -> Matrix:
+    """Return sizes in dB; none is drawn far below."""
+    return np.asarray(20.0 * np.log10(np.maximum(size, _NO_GAIN)))
 
 
 def encoded(values: Vector, kind: type[np.floating[Any]]) -> dict[str, str]:

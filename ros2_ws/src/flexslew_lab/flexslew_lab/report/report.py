@@ -23,7 +23,7 @@ from flexslew_lab.report.sections import Table, page_of_sections
 from flexslew_lab.report.sky_map import testbed_sky_map
 from flexslew_lab.report.story import Line, story_of
 from flexslew_lab.report.thumbnail import THUMBNAIL, thumbnail
-from flexslew_lab.report.verdict import joints_to_move, plan_verdict, planned_on, run_summary
+from flexslew_lab.report.verdict import joints_to_move, model_difference, plan_verdict, run_summary
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.outputs import WITHOUT
 from flexslew_lab.trial.trial import Trial
@@ -64,7 +64,6 @@ def write_report(
     bags: Sequence[Path | BagReader],
     out: Path,
     comparison: Path | BagReader | RunData | None = None,
-    labels: Sequence[str] = (),
 ) -> Path:
     """Return the path of the report that was written.
 
@@ -73,13 +72,12 @@ def write_report(
         out: the HTML file.
         comparison: a bag of the same trial without feedforward, for a comparison of its own; left
             out where an operator changed the run.
-        labels: names of the bags in the figures; default: the names of the trials.
 
     Raises:
         BadInput: a bag cannot be read.
 
     """
-    runs = [read_run(bag, label) for bag, label in zip(bags, _labels(bags, labels), strict=True)]
+    runs = [read_run(bag) for bag in bags]
     if len({run.label for run in runs}) < len(runs):
         runs = [run._replace(label=_distinct(run)) for run in runs]
     for k, run in enumerate(runs):  # the same run twice
@@ -302,7 +300,7 @@ def _subtitle(run: RunData) -> str:
     testbed = run.overview.testbed
     m = run.metrics
     plans = run.overview.plans
-    believed = planned_on(load_yaml(plans[-1].summary, "plan")) if plans else ""
+    believed = model_difference(load_yaml(plans[-1].summary, "plan")) if plans else ""
     parts = [
         believed[:1].upper() + believed[1:],
         f"{testbed.kind} testbed, {count_text(testbed.modes, 'mode')}" if testbed else "",
@@ -353,10 +351,6 @@ def folder_of(bag: Path) -> Path:
     """Return the run folder that contains a bag, or its file."""
     folder = bag.parent if bag.is_file() else bag
     return folder.parent if folder.name in ("bag", "log", WITHOUT) else folder
-
-
-def _labels(bags: Sequence[object], labels: Sequence[str]) -> list[str]:
-    return [*labels, *[""] * (len(bags) - len(labels))][: len(bags)]
 
 
 def _distinct(run: RunData) -> str:

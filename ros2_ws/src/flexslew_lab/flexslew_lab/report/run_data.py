@@ -61,12 +61,11 @@ class RunData(NamedTuple):
         return dict(zip(self.joint_names, self.joint_units, strict=True))
 
 
-def read_run(path: Path | BagReader, label: str = "") -> RunData:
+def read_run(path: Path | BagReader) -> RunData:
     """Return what a report shows of the bag at `path`.
 
     Args:
         path: the bag's folder or file, or the open bag.
-        label: its name in figures; default: the trial's name.
 
     Raises:
         BadInput: the bag cannot be read, or holds no truth.
@@ -93,7 +92,7 @@ def read_run(path: Path | BagReader, label: str = "") -> RunData:
     tips = traces["tip"].value.shape[1] if "tip" in traces else 0
     end = float(np.nanmax(traces["effort"].time, initial=0.0))
     return RunData(
-        label or str(trial.get("name", "")) or bag.path.parent.name,
+        str(trial.get("name", "")) or bag.path.parent.name,
         bag.path,
         trial,
         overview,

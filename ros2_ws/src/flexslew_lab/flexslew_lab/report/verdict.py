@@ -64,12 +64,12 @@ def plan_verdict(plan: Plan, limits: Sequence[float]) -> str:
         f"at most {100.0 * shares[most]:.3g} % of the limit of {most}"
         if shares[most]
         else "no feedforward",
-        planned_on(summary),
+        model_difference(summary),
     )
     return "; ".join(part for part in parts if part)
 
 
-def planned_on(summary: Any) -> str:
+def model_difference(summary: Any) -> str:
     """Return in what the plan's model differs from what it is flown on; empty: in nothing."""
     words = summary.get("believes", "") if isinstance(summary, Mapping) else ""
     return f"planned on a model with {words}" if words else ""
@@ -81,9 +81,12 @@ def joints_to_move(metrics: Mapping[str, Any]) -> tuple[str, ...]:
     Args:
         metrics: content of metrics.json: the overshoot is null for a joint that has no move.
     """
+    return _commanded(metrics) or tuple(metrics.get("overshoot") or {})
+
+
+def _commanded(metrics: Mapping[str, Any]) -> tuple[str, ...]:
     overshoot = metrics.get("overshoot") or {}
-    moved = tuple(name for name, value in overshoot.items() if value is not None)
-    return moved or tuple(overshoot)
+    return tuple(name for name, value in overshoot.items() if value is not None)
 
 
 def _vibration(metrics: Mapping[str, Any], bare: Mapping[str, Any]) -> str:
@@ -139,9 +142,7 @@ def _ratio(large: float, small: float) -> str:
 
 def _settling_text(metrics: Mapping[str, Any]) -> str:
     """Return the settling time of the last joint with a commanded move."""
-    times = metrics.get("settling_time") or {}
-    overshoot = metrics.get("overshoot") or {}
-    joints = [name for name, value in overshoot.items() if value is not None]
+    times, joints = metrics.get("settling_time") or {}, _commanded(metrics)
     if not joints:
         return ""
     late = [name for name in joints if times.get(name) is None]

@@ -13,6 +13,7 @@ from flexslew_plant.testbeds.model import Model
 
 PITCH_RANGE = (0.0, 1.245)  # of the guaranteed margin: where it is largest at the gains (17) [rad]
 _POINTS = 42  # operating points over the range; the margin's minimum is at its ends or a kink
+_MOST = 4000.0  # largest gain [N m/rad, N m s/rad]
 
 
 class BestGains(NamedTuple):
@@ -36,17 +37,9 @@ def stability_margin(model: Model, kp: float, kd: float, pitch: float) -> float:
     )
 
 
-def guaranteed_margin(
-    model: Model, kp: float, kd: float, pitch_range: tuple[float, float] = PITCH_RANGE
-) -> float:
-    """Return delta = min over psi_0 of s(kp, kd; psi_0) [1/s].
-
-    Args:
-        model, kp, kd: as in stability_margin.
-        pitch_range: of psi_0 [rad].
-    """
-    pitch_values = np.linspace(*pitch_range, _POINTS)
-    at = _operating_points(model, pitch_values)
+def guaranteed_margin(model: Model, kp: float, kd: float) -> float:
+    """Return delta = min over psi_0 in PITCH_RANGE of s(kp, kd; psi_0), see above [1/s]."""
+    at = _operating_points(model, np.linspace(*PITCH_RANGE, _POINTS))
     return float(_margins(at, np.array([kp]), np.array([kd])).min())
 
 
@@ -67,9 +60,7 @@ def margin_table(model: Model, kp: Vector, kd: Vector, pitch_values: Vector) -> 
     return smallest.reshape(len(kp), len(kd))
 
 
-def best_gains(
-    model: Model, pitch_values: tuple[float, float] | float = PITCH_RANGE, most: float = 4000.0
-) -> BestGains:
+def best_gains(model: Model, pitch_values: tuple[float, float] | float = PITCH_RANGE) -> BestGains:
     """Return the gains with the largest margin, by a grid and then Nelder and Mead's simplex.
 
     The margin has kinks at its maximum, where eigenvalues cross, so no derivative is used.
@@ -77,7 +68,6 @@ def best_gains(
     Args:
         model: the testbed.
         pitch_values: range of psi_0 for the guaranteed margin, or one operating point [rad].
-        most: the largest gain looked at [N m/rad, N m s/rad].
     """
     fixed = not isinstance(pitch_values, tuple)
     spread = (
@@ -85,7 +75,7 @@ def best_gains(
         if isinstance(pitch_values, tuple)
         else np.array([pitch_values])
     )
-    gains = np.geomspace(most / 80.0, most, 24)
+    gains = np.geomspace(_MOST / 80.0, _MOST, 24)
     coarse = margin_table(model, gains, gains, spread if fixed else spread[::8])
 
     at = _operating_points(model, spread)

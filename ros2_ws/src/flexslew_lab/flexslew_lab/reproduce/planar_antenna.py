@@ -31,15 +31,10 @@ ANGLE, TIME = np.pi / 2.0, 3.0  # [rad, s]
 MODAL_MASS = 0.15  # M_e
 
 
-def bang_bang(t: float, left: bool = False) -> tuple[float, float, float]:
-    """Return beta, beta' and beta'' of the turn at a time [s].
-
-    Args:
-        t: time.
-        left: at the jump in the middle, the value before it.
-    """
+def bang_bang(t: float) -> tuple[float, float, float]:
+    """Return beta, beta' and beta'' of the turn at a time [s]."""
     c = 4.0 * ANGLE / TIME**2
-    if t < 0.5 * TIME or (left and t <= 0.5 * TIME):
+    if t < 0.5 * TIME:
         return 0.5 * c * t * t, c * t, c
     s = TIME - t
     return ANGLE - 0.5 * c * s * s, c * s, -c
@@ -76,16 +71,14 @@ def rate_matrices(a: Antenna) -> dict[str, Matrix]:
     return found
 
 
-def planar(t: float, left: bool = False, a: Antenna = Antenna(), sign: float = 1.0) -> Frozen:  # noqa: B008
+def planar(t: float, sign: float = 1.0) -> Frozen:
     """Return the equations at a time: (2-49) with M1 = s Ms - (1 - c) Mc, (2-56), (2-57), (2-52).
 
     Args:
         t: time [s].
-        left: see bang_bang.
-        a: the numbers.
         sign: of the fourth column of Gs and Gc; -1: as printed.
     """
-    beta, rate, acceleration = bang_bang(t, left)
+    a, (beta, rate, acceleration) = Antenna(), bang_bang(t)
     sin, cos = np.sin(beta), np.cos(beta)
     m0, k0 = constant(a)
     matrices = rate_matrices(a)

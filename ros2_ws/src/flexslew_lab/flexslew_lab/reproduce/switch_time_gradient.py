@@ -18,6 +18,8 @@ from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 
+_RESIDUAL = 1e-9  # of the end conditions, at which they hold
+_SLOPE = 1e-7  # of t_f, at which it counts as smallest [s]
 _MAX_REDUCTION = 0.5  # part of an arc that a step may take away
 
 
@@ -34,8 +36,6 @@ def switch_time_optimisation(
     slew: BangBang,
     guess: Vector,
     max_iterations: int = 2000,
-    residual: float = 1e-9,
-    slope: float = 1e-7,
 ) -> SwitchTimes:
     """Return the switch times that end the slew soonest among those with as many switches.
 
@@ -43,21 +43,19 @@ def switch_time_optimisation(
         slew: what is turned.
         guess: durations of the arcs to start from, shape (N + 1,) [s].
         max_iterations: before it is given up.
-        residual: of the end conditions, at which they hold.
-        slope: of t_f at which it counts as smallest [s].
 
     Raises:
         PlanFailed: it does not settle.
     """
-    d = _project(slew, guess, residual)
+    d = _project(slew, guess)
     stride, flat = 0.1, np.inf
     for k in range(max_iterations):
         direction = _gradient_direction(slew, d)
         flat = float(np.linalg.norm(direction))
-        if flat <= slope:
+        if flat <= _SLOPE:
             return SwitchTimes(d, k, float(np.abs(slew.residual(d)).max()), flat)
         try:
-            new = _project(slew, _change_durations(d, stride * direction), residual)
+            new = _project(slew, _change_durations(d, stride * direction))
         except PlanFailed:
             new = None
         if new is not None and new.sum() < d.sum():
@@ -68,7 +66,7 @@ def switch_time_optimisation(
                 break
     raise PlanFailed(
         f"switch time optimisation stopped at t_f = {d.sum():.6f} s with a slope of {flat:.1e}, "
-        f"allowed {slope:.1e}; use another number of switches than {d.size - 1}"
+        f"allowed {_SLOPE:.1e}; use another number of switches than {d.size - 1}"
     )
 
 
@@ -102,7 +100,7 @@ def _gradient_direction(slew: BangBang, durations: Vector) -> Vector:
     return np.asarray(rows.T @ normal - durations)
 
 
-def _project(slew: BangBang, durations: Vector, tolerance: float) -> Vector:
+def _project(slew: BangBang, durations: Vector) -> Vector:
     """Return the arcs with r = 0 next to these.
 
     Raises:
@@ -111,7 +109,7 @@ def _project(slew: BangBang, durations: Vector, tolerance: float) -> Vector:
     d = durations
     for _ in range(60):
         r = slew.residual(d)
-        if np.abs(r).max() <= tolerance:
+        if np.abs(r).max() <= _RESIDUAL:
             return d
         change = np.linalg.lstsq(_by_relative_change(slew, d), -r, rcond=None)[0]
         d = _change_durations(d, change.astype(np.float64))

@@ -10,7 +10,6 @@ from flexslew_lab.tuning.closed_loop import PerformancePlant
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
-SOURCES = ("disturbance", "noise", "reference")
 EFFORT, COMMAND, ERROR, MEASURED = "effort.", "command.", "error.", "measured."
 _REFERENCES = ("reference", "reference_rate")
 _OF_LAW = {"error": "position", "error_rate": "rate"}

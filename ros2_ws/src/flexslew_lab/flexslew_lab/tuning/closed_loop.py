@@ -8,11 +8,12 @@ So every controller is a constant gain, and every gradient is pulled back to K i
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag, schur, solve_sylvester
+from scipy.linalg import block_diag
 
 from flexslew_control.analysis.loop import Complex
 from flexslew_control.analysis.lti import Lti, transfer
 from flexslew_control.analysis.minimal import minimal_part
+from flexslew_lab.analysis.separation import LinearPart, separated_parts
 from flexslew_plant.arrays import Matrix, Vector
 
 _LIMIT = 1e-6  # distance from the limit of stability, of one tick's or of the fastest pole
@@ -140,23 +141,13 @@ def _markov(plant: PerformancePlant) -> float:
 def _separated(
     plant: PerformancePlant, poles: Complex
 ) -> tuple[PerformancePlant, PerformancePlant]:
-    """Return the parts of a plant without and with the poles, whose sum is the plant.
+    """Return the parts of a plant without and with the poles, whose sum is the plant."""
 
-    A real Schur form puts them last, and Sylvester's equation separates them.
-    """
+    def is_other(pole: complex) -> bool:
+        return bool(abs(poles - pole).min(initial=np.inf) > _SAME)
 
-    def others(real: float, imaginary: float = 0.0) -> bool:
-        return bool(abs(poles - complex(real, imaginary)).min(initial=np.inf) > _SAME)
-
-    a, basis, n = schur(plant.a, sort=others)
-    coupling = solve_sylvester(a[:n, :n], -a[n:, n:], -a[:n, n:]) if 0 < n < len(a) else 0.0
-    b, c = basis.T @ plant.b, plant.c @ basis
-    last = c[:, n:] + (c[:, :n] @ coupling if 0 < n < len(a) else 0.0)
-    first = b[:n] - (coupling @ b[n:] if 0 < n < len(a) else 0.0)
-    return (
-        replace(plant, a=a[:n, :n], b=first, c=c[:, :n]),
-        replace(plant, a=a[n:, n:], b=b[n:], c=last),
-    )
+    parts = separated_parts(LinearPart(plant.a, plant.b, plant.c), is_other)
+    return replace(plant, **parts[0]._asdict()), replace(plant, **parts[1]._asdict())
 
 
 @dataclass(frozen=True)

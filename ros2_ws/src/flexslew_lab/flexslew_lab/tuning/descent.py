@@ -19,6 +19,7 @@ _BISECTIONS = 40
 _RADII = (1e-1, 1e-2, 1e-3, 1e-4)  # of the sampled ball, relative to 1 + |x|
 _SAMPLED_STEPS = 12  # at each radius
 _STALLED, _PATIENCE = 1e-7, 8  # relative decrease, and iterations in which it is less
+_STABILISING = 500  # evaluations of the growth rate from each start
 _SUM = 1e3  # weight of the sum of the multipliers, of the largest gradient
 
 
@@ -182,3 +183,14 @@ def shortest_in_hull(gradients: Matrix) -> Vector:
     right[-1] = _SUM
     weights, _ = nnls(system, right)
     return np.asarray(weights @ gradients / max(float(weights.sum()), 1e-300))
+
+
+def stabilised(growth: Function, start: Vector) -> Vector | None:
+    """Return parameters from which the growth rate is negative, or None.
+
+    Args:
+        growth: largest growth rate [1/s] and its gradient.
+        start: shape (parameters,).
+    """
+    found = minimise(growth, start, _STABILISING, 0.0)
+    return found.x if found.value < 0.0 else None

@@ -5,8 +5,8 @@ from typing import Any
 from flexslew_control.analysis.lti import Lti
 from flexslew_lab.analysis.trial_models import Point, point_of, running_law_at
 from flexslew_lab.gains.ensemble import gains_of
-from flexslew_lab.guarantee.parameters import uncertain_parameters
-from flexslew_lab.guarantee.situation import situation_at
+from flexslew_lab.guarantee.model.parameters import uncertain_parameters
+from flexslew_lab.guarantee.model.situation import situation_at
 from flexslew_lab.trial.trial import Trial
 from flexslew_lab.tuning.channels import PlantChannels
 from flexslew_lab.tuning.goals import LoopPlaces, all_channels, stated_goals

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_lab.tuning.descent import minimise
-from flexslew_lab.tuning.fixed_order import stabilised
+from flexslew_lab.log.files.whole_file import write_whole
+from flexslew_lab.tuning.descent import minimise, stabilised
 from flexslew_lab.tuning.problem import TuningProblem
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -146,8 +146,6 @@ def _read(state: Path | None, identity: str) -> list[StartOutcome]:
 
 
 def _write(state: Path, identity: str, found: list[StartOutcome]) -> None:
-    text = json.dumps({"identity": identity, "starts": [asdict(one) for one in found]})
-    new = state.with_suffix(".new")
     state.parent.mkdir(parents=True, exist_ok=True)
-    new.write_text(text, encoding="utf-8")
-    new.replace(state)
+    content = {"identity": identity, "starts": [asdict(one) for one in found]}
+    write_whole(state, json.dumps(content))

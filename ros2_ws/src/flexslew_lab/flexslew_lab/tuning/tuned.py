@@ -12,11 +12,11 @@ from flexslew_control.analysis.loop_margins import disk_margins, frequency_respo
 from flexslew_lab.analysis.analysis import (
     Analysis,
     disk_margin,
-    finite,
     is_stable,
     loop_analysis,
 )
 from flexslew_lab.analysis.trial_models import running_law_at
+from flexslew_lab.json_text import finite
 from flexslew_lab.notebook import trial as changed_trial
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.trial import Trial, law_of

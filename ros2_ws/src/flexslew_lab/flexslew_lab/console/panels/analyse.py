@@ -14,7 +14,7 @@ from flexslew_lab.console.forms import FormKey, OpenedOn, moment, value_of
 from flexslew_lab.console.gate import FILES
 from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.cards import NO_CONTROLLER
-from flexslew_lab.guarantee.parameters import Vary, vary_of
+from flexslew_lab.guarantee.model.parameters import Vary, vary_of
 from flexslew_lab.report.sections import Section
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
@@ -128,7 +128,7 @@ def _analysis(job: _Job) -> _Found:
     )
     from flexslew_lab.analysis.page import analysis_page, summary_rows
     from flexslew_lab.guarantee.flight import guarantee_of
-    from flexslew_lab.guarantee.tables import gain_rows, worst_case_sections, worst_rows
+    from flexslew_lab.guarantee.tables import gain_rows, worst_case_sections
 
     analysis = loop_analysis(job.trial, "the bench", job.name, job.time, plan=job.plan)
     rows = [f"{what}: {value}" for what, value in summary_rows(analysis)]
@@ -137,7 +137,7 @@ def _analysis(job: _Job) -> _Found:
         worst = guarantee_of(job.trial, analysis, job.vary, job.fly)
         if job.fly and worst.flown is None:
             raise BadInput("no unstable loop was found in these ranges: there is none to fly")
-        more, at = worst_case_sections(worst), worst_rows(worst.found)
+        more, at = worst_case_sections(worst), worst.found.rows
         rows = [worst.verdict, *(f"{name}: unstable at {value}" for name, _, _, value in at)]
         rows += [f"peak of {name}: {found}, none above {bound}"
                  for name, _, found, bound, _ in gain_rows(worst.found)]  # fmt: skip

@@ -89,7 +89,7 @@ def _unary(e: Evaluator, node: Any, frame: Any) -> Any:
     raise Unsupported(ast.unparse(node))
 
 
-def _both(e: Evaluator, node: Any, frame: Any) -> Any:
+def _connective(e: Evaluator, node: Any, frame: Any) -> Any:
     is_and, tests = isinstance(node.op, ast.And), list[str]()
     value: Any = is_and
     for part in node.values:
@@ -233,7 +233,7 @@ _KINDS: dict[type, Callable[[Evaluator, Any, Any], Any]] = {
     ast.Attribute: lambda e, node, frame: e.get(value_of(e, node.value, frame), node.attr),
     ast.BinOp: _binary,
     ast.UnaryOp: _unary,
-    ast.BoolOp: _both,
+    ast.BoolOp: _connective,
     ast.Compare: _compare,
     ast.IfExp: _choice,
     ast.Call: _call,

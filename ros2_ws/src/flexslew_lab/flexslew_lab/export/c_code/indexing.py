@@ -28,7 +28,7 @@ def item(ops: Operations, value: Any, key: Any) -> Any:
     if isinstance(value, np.ndarray) and not is_symbolic(keys):
         return value[key]
     if any(is_array(one) or isinstance(one, list) for one in keys):
-        return _chosen(ops, value, keys)
+        return _select_entries(ops, value, keys)
     part = _part(ops, ops.array(value), keys)
     if part.shape:
         return part
@@ -72,7 +72,7 @@ def _part(ops: Operations, array: Array, keys: tuple[Any, ...]) -> Array:
     return Array(array.name, tuple(shape), tuple(strides), first, array.kind, array.known)
 
 
-def _chosen(ops: Operations, value: Any, keys: tuple[Any, ...]) -> Computed:
+def _select_entries(ops: Operations, value: Any, keys: tuple[Any, ...]) -> Computed:
     """Return the entries that an array of constant indices chooses along one axis."""
     if keys[0] is Ellipsis:
         keys = (*(slice(None),) * (value.ndim - len(keys) + 1), *keys[1:])
@@ -80,9 +80,7 @@ def _chosen(ops: Operations, value: Any, keys: tuple[Any, ...]) -> Computed:
     if sum(full) != len(keys) - 1:
         raise Unsupported("entries chosen along several axes")
     axis = full.index(False)
-    rows = np.asarray(require_concrete(keys[axis], "chosen entries"))
-    rows = np.flatnonzero(rows) if rows.dtype == bool else rows
-    array = ops.array(value)
+    rows, array = _rows(keys[axis]), ops.array(value)
     table = rows % array.shape[axis] if rows.size else rows
 
     def entry(index: tuple[str, ...]) -> str:
@@ -92,6 +90,12 @@ def _chosen(ops: Operations, value: Any, keys: tuple[Any, ...]) -> Computed:
 
     shape = (*array.shape[:axis], rows.size, *array.shape[axis + 1 :])
     return Computed(shape, entry, array.kind)
+
+
+def _rows(key: Any) -> Any:
+    """Return the constant indices that a list, or a mask, stands for."""
+    rows = np.asarray(require_concrete(key, "chosen entries"))
+    return np.flatnonzero(rows) if rows.dtype == bool else rows
 
 
 def set_item(ops: Operations, target: Any, key: Any, value: Any) -> None:
@@ -105,9 +109,7 @@ def set_item(ops: Operations, target: Any, key: Any, value: Any) -> None:
     chosen = [axis for axis, one in enumerate(keys) if is_array(one) or isinstance(one, list)]
     if chosen:
         axis, value = chosen[0], ops.materialised(value)
-        rows = np.asarray(require_concrete(keys[axis], "chosen entries"))
-        rows = np.flatnonzero(rows) if rows.dtype == bool else rows
-        for k, row in enumerate(rows.tolist()):
+        for k, row in enumerate(_rows(keys[axis]).tolist()):
             one = item(ops, value, (slice(None),) * axis + (k,)) if is_array(value) else value
             set_item(ops, target, (*keys[:axis], row, *keys[axis + 1 :]), one)
         return

@@ -160,7 +160,7 @@ def _sum(e: Evaluator, values: Any, start: Any = 0, **_: Any) -> Any:
 
 
 def _any(is_all: bool) -> Replacement:
-    def found(e: Evaluator, values: Any, **_: Any) -> Any:
+    def connect(e: Evaluator, values: Any, **_: Any) -> Any:
         if not is_symbolic(values):
             return (np.all if is_all else np.any)(values)
         if is_array(values):
@@ -172,7 +172,7 @@ def _any(is_all: bool) -> Replacement:
             return not is_all
         return Scalar(f"({(' && ' if is_all else ' || ').join(texts)})", "b") if texts else is_all
 
-    return found
+    return connect
 
 
 def _dot(e: Evaluator, a: Any, b: Any, out: Any = None) -> Any:
@@ -203,11 +203,8 @@ def _abs(e: Evaluator, value: Any) -> Any:
     return _by_entry("fabs", np.abs)(e, value)
 
 
-def _whole(function: str) -> Replacement:
-    def whole(e: Evaluator, value: Any) -> Any:
-        return Scalar(f"(int){function}({e.ops.real(value)})", "i")
-
-    return whole
+def _to_integer(function: str) -> Replacement:
+    return lambda e, value: Scalar(f"(int){function}({e.ops.real(value)})", "i")
 
 
 def _clip(e: Evaluator, value: Any, low: Any, high: Any, **_: Any) -> Any:
@@ -341,7 +338,8 @@ REPLACEMENTS: dict[Any, Replacement] = {
     builtins.sum: _sum, np.sum: _array_sum, builtins.abs: _abs, np.any: _any(False),
     np.all: _any(True), builtins.any: _any(False), builtins.all: _any(True),
     builtins.float: _number(float), builtins.int: _number(int), builtins.bool: _number(bool),
-    math.floor: _whole("floor"), math.ceil: _whole("ceil"), np.outer: _outer, np.cross: _cross,
+    math.floor: _to_integer("floor"), math.ceil: _to_integer("ceil"),
+    np.outer: _outer, np.cross: _cross,
     np.split: _split, np.linalg.solve: _solve, np.linalg.inv: _inverse, builtins.zip: _zip,
     builtins.list: lambda e, value=(): items_of(e, value),
     builtins.tuple: lambda e, value=(): tuple(items_of(e, value)),

@@ -64,11 +64,11 @@ class Phases:
         self._make = make
         self._varying: set[str] = set()  # constants of one phase that are others in the next
         self._older: dict[str, int] = {}  # ticks of the past, and from which phase on
-        while not self._found():
+        while not self._trace():
             pass
 
-    def _found(self) -> bool:
-        """Return whether the phases were found with what is known to vary."""
+    def _trace(self) -> bool:
+        """Trace the phases; return whether what is known to vary was enough."""
         e, step = self._make()
         self.evaluator, self.members = e, dict[str, MemoryMember]()
         self.blocks, self.starts = list[Block](), list[Any]()

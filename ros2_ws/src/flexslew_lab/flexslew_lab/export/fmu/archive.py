@@ -48,7 +48,9 @@ def fmu_of(
     require_compiler(targets)
     wrapper = f"fmi{version}.c"
     given = files(__package__) / "c"
-    texts = {name: (given / name).read_text() for name in (wrapper, "instance.h")}
+    texts = {
+        name: (given / name).read_text() for name in (wrapper, "both_versions.h", "instance.h")
+    }
     texts |= module.sources
     compiled = [name for name in texts if name.endswith(".c")]
     variables = variables_of(module, elements or {})

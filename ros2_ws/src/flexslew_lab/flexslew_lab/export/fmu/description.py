@@ -40,46 +40,31 @@ def description(
     if version == 2 and module.continuous is not None:
         about["numberOfEventIndicators"] = "0"
     root = Element("fmiModelDescription", about)
-    (_simulation_2 if version == 2 else _simulation_3)(root, module, sources)
+    _add_simulations(root, module, version, sources)
     _add_units(root, variables)
     SubElement(root, "DefaultExperiment", startTime="0", stepSize=repr(module.period))
     (_variables_2 if version == 2 else _variables_3)(root, variables)
-    indent(root)
-    text: bytes = tostring(root, encoding="UTF-8", xml_declaration=True)
-    return text + b"\n"
+    return _xml_text(root)
 
 
-def _simulation_2(root: Element, module: CModule, sources: list[str]) -> None:
+def _add_simulations(root: Element, module: CModule, version: Version, sources: list[str]) -> None:
+    state = "State" if version == 3 else "state"  # as the versions spell it
+    directional = module.continuous is not None and module.continuous.directional
     for kind in _interfaces(module):
-        simulation = SubElement(
-            root,
-            kind,
-            modelIdentifier=module.name,
-            canGetAndSetFMUstate="true",
-            canSerializeFMUstate="true",
-            canNotUseMemoryManagementFunctions="true",
-        )
-        if kind == "ModelExchange" and module.continuous and module.continuous.directional:
-            simulation.set("providesDirectionalDerivative", "true")
-        files = SubElement(simulation, "SourceFiles")
-        for name in sources:
-            SubElement(files, "File", name=name)
-
-
-def _simulation_3(root: Element, module: CModule, sources: list[str]) -> None:
-    for kind in _interfaces(module):
-        simulation = SubElement(
-            root,
-            kind,
-            modelIdentifier=module.name,
-            canGetAndSetFMUState="true",
-            canSerializeFMUState="true",
-        )
-        if kind == "ModelExchange" and module.continuous and module.continuous.directional:
-            simulation.set("providesDirectionalDerivatives", "true")
-        if kind == "CoSimulation":
+        simulation = SubElement(root, kind, modelIdentifier=module.name)
+        simulation.set(f"canGetAndSetFMU{state}", "true")
+        simulation.set(f"canSerializeFMU{state}", "true")
+        if version == 2:
+            simulation.set("canNotUseMemoryManagementFunctions", "true")
+        if kind == "ModelExchange" and directional:
+            simulation.set(f"providesDirectionalDerivative{'s' * (version == 3)}", "true")
+        if version == 3 and kind == "CoSimulation":
             simulation.set("canHandleVariableCommunicationStepSize", "true")
             simulation.set("fixedInternalStepSize", repr(module.period))
+        if version == 2:
+            files = SubElement(simulation, "SourceFiles")
+            for name in sources:
+                SubElement(files, "File", name=name)
 
 
 def _interfaces(module: CModule) -> tuple[str, ...]:
@@ -94,6 +79,10 @@ def build_description(module: CModule, sources: list[str]) -> bytes:
     files = SubElement(build, "SourceFileSet", language="C99")
     for name in sources:
         SubElement(files, "SourceFile", name=name)
+    return _xml_text(root)
+
+
+def _xml_text(root: Element) -> bytes:
     indent(root)
     text: bytes = tostring(root, encoding="UTF-8", xml_declaration=True)
     return text + b"\n"

@@ -1,6 +1,5 @@
 """Modes of a bench from its record, by maximum likelihood: frequencies and damping ratios."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,7 +65,6 @@ def refined(
     modes: tuple[Oscillator, ...],
     noise: Vector,
     iterations: int = _MAX_ITERATIONS,
-    progress: Callable[[float], None] | None = None,
 ) -> tuple[Solution, Vector]:
     """Return the least squares of the residual over frequencies and damping, and the noise found.
 
@@ -78,13 +76,10 @@ def refined(
         modes: to start from.
         noise: first estimate of every output's standard deviation, (outputs,).
         iterations: at most.
-        progress: called with the cost after every step.
     """
     problem = ModalLeastSquares(signals, noise)
     now, damping = problem.solve(modes), 1e-3
     for _ in range(iterations):
-        if progress is not None:
-            progress(now.cost)
         information, gradient = now.information, now.gradient
         if not len(gradient):
             break

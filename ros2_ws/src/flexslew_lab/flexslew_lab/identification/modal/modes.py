@@ -1,6 +1,6 @@
 """The modes of a record: where they start, how many there are, and how well they are known."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -378,6 +378,13 @@ def interval(value: float, deviation: float) -> Interval:
     return Interval(float(value), float(value) - half, float(value) + half)
 
 
+def autocorrelation(values: Vector, lags: Iterable[int]) -> Vector:
+    """Return the autocorrelation of values at lags in samples, shape (lags,) [-]."""
+    centered = values - values.mean()
+    size = float(centered @ centered) or 1.0
+    return np.array([float(centered[k:] @ centered[: len(centered) - k]) for k in lags]) / size
+
+
 def whiteness_of(record: Record, residual: Matrix) -> tuple[Whiteness, ...]:
     """Return the whiteness of every output of a record; all of them, if white, pass with 99 %.
 
@@ -389,9 +396,7 @@ def whiteness_of(record: Record, residual: Matrix) -> tuple[Whiteness, ...]:
     bound = float(chi2.ppf(0.99 ** (1.0 / len(record.outputs)), _WHITE_LAGS))
     found = []
     for output, column in zip(record.outputs, residual.T, strict=True):
-        centered = column - column.mean()
-        size = float(centered @ centered) or 1.0
-        r = np.array([float(centered[k:] @ centered[:-k]) for k in lags]) / size
+        r = autocorrelation(column, lags)
         found.append(
             Whiteness(output.name, float(n * (n + 2.0) * (r**2 / (n - lags)).sum()), bound)
         )

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexslew_control.analysis.loop import Complex
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
 
 
@@ -85,6 +86,12 @@ def _sweep(
                     x += gain[k, 0] * effort[tick, column]
                     v += gain[k, 1] * effort[tick, column]
                 tick += 1
+
+
+def oscillators_of(poles: Complex) -> tuple[Oscillator, ...]:
+    """Return the oscillators of poles [rad/s], one of each pair, rising."""
+    found = [Oscillator(float(abs(s)), float(-s.real / abs(s))) for s in poles if s.imag > 0.0]
+    return tuple(sorted(found, key=lambda mode: mode.frequency))
 
 
 def double_integral(effort: Matrix, h: float | Vector) -> tuple[Matrix, Matrix]:

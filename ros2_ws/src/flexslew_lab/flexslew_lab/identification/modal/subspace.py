@@ -11,9 +11,9 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexslew_lab.identification.modal.oscillators import Oscillator
+from flexslew_lab.identification.modal.oscillators import Oscillator, oscillators_of
 from flexslew_lab.identification.records.record import Quantity, Record
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.extras import install_command
 
@@ -30,7 +30,6 @@ class Poles(NamedTuple):
     """What one method found."""
 
     method: str
-    singular_values: Vector  # of the Hankel matrix, falling [-]
     by_order: dict[int, tuple[Oscillator, ...]]
 
 
@@ -103,7 +102,7 @@ def moesp(record: ResampledRecord, orders: tuple[int, ...]) -> Poles:
         ) from None
     inputs, outputs = record.effort.shape[1], record.measured.shape[1]
     rows = min(_BLOCK_ROWS, len(record.effort) // (4 * (inputs + outputs + 1)))
-    _, r, values, _, failed = ctrlsys.ib01ad(
+    _, r, _, _, failed = ctrlsys.ib01ad(
         "M",
         "Q",
         "M",
@@ -127,7 +126,7 @@ def moesp(record: ResampledRecord, orders: tuple[int, ...]) -> Poles:
         )
         if not out[-1]:
             found[order] = modes_of(np.asarray(out[0])[:order, :order], record.period)
-    return Poles("MOESP", np.asarray(values) / max(float(np.max(values)), 1e-300), found)
+    return Poles("MOESP", found)
 
 
 def okid_era(record: ResampledRecord, orders: tuple[int, ...]) -> Poles:
@@ -135,14 +134,13 @@ def okid_era(record: ResampledRecord, orders: tuple[int, ...]) -> Poles:
     import control
 
     parameters = markov_parameters(record)
-    found, values = {}, np.zeros(0)
+    found = {}
     for order in orders:
-        system, singular = control.eigensys_realization(
+        system, _ = control.eigensys_realization(
             parameters, order, m=_MARKOV // 2 - 1, n=_MARKOV // 2 - 1
         )
-        values = np.asarray(singular)
         found[order] = modes_of(np.asarray(system.A), record.period)
-    return Poles("OKID/ERA", values / max(float(values.max()), 1e-300), found)
+    return Poles("OKID/ERA", found)
 
 
 def markov_parameters(record: ResampledRecord) -> np.ndarray:
@@ -187,7 +185,7 @@ def arx(record: ResampledRecord, orders: tuple[int, ...]) -> Poles:
                 :, first : first + outputs
             ]
         found[order] = modes_of(companion, record.period)
-    return Poles("ARX", np.zeros(0), found)
+    return Poles("ARX", found)
 
 
 METHODS: dict[str, Method] = {"MOESP": moesp, "OKID/ERA": okid_era}
@@ -197,9 +195,7 @@ def modes_of(transition: Matrix, period: float) -> tuple[Oscillator, ...]:
     """Return the oscillating poles of x(k + 1) = A x(k) as oscillators, rising."""
     poles = np.linalg.eigvals(transition)
     poles = poles[(poles.imag > 0.0) & (np.abs(poles) > 1e-9)]
-    s = np.log(poles) / period
-    found = [Oscillator(float(abs(one)), float(-one.real / abs(one))) for one in s]
-    return tuple(sorted(found, key=lambda mode: mode.frequency))
+    return oscillators_of(np.log(poles) / period)
 
 
 def stable(poles: Poles, low: float, high: float) -> tuple[Oscillator, ...]:

@@ -14,11 +14,11 @@ squares of all responses, each weighed by its own noise, the rest eliminated (Go
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from flexslew_control.analysis.loop import Complex
 from flexslew_lab.identification.modal.modes import FittedMode, interval
-from flexslew_lab.identification.modal.oscillators import Oscillator
+from flexslew_lab.identification.modal.oscillators import Oscillator, oscillators_of
 from flexslew_lab.identification.modal.subspace import Poles, stable
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
@@ -27,8 +27,6 @@ _ORDERS = tuple(range(4, 41, 2))  # of the common denominator
 _MIN_LINES = 20
 _NOISE_ROUNDS = 3
 _SMALLEST = 1e-9  # noise of a response relative to its size, at least
-
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -133,10 +131,8 @@ def common_poles(responses: MeasuredResponses) -> Poles:
         a = np.linalg.lstsq(m[1:, 1:], -m[1:, 0], rcond=None)[0]
         z = np.roots(np.concatenate((a[::-1], [1.0])))
         s_poles = np.log(z[np.abs(z) > 1e-9]) / period
-        s_poles = s_poles[(s_poles.imag > 0.0) & (s_poles.real < 0.0)]
-        modes = [Oscillator(float(abs(p)), float(-p.real / abs(p))) for p in s_poles]
-        found[order] = tuple(sorted(modes, key=lambda mode: mode.frequency))
-    return Poles("LSCF", np.zeros(0), found)
+        found[order] = oscillators_of(s_poles[s_poles.real < 0.0])
+    return Poles("LSCF", found)
 
 
 def _columns(w: Vector, order: int, modes: tuple[Oscillator, ...]) -> Complex:

@@ -1,11 +1,12 @@
 """Page and numbers of modes that were fitted to frequency responses alone."""
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from flexslew_lab.identification.modal.modes import CONFIDENCE, Interval
+from flexslew_lab.identification.modal.modes import CONFIDENCE
 from flexslew_lab.identification.page import format_interval
 from flexslew_lab.identification.responses.frf_fit import ResponseModel
 from flexslew_lab.report.panels import Group, Panel, legend, style
@@ -53,18 +54,14 @@ def response_numbers(found: ResponseModel) -> dict[str, Any]:
         "confidence": CONFIDENCE,
         "modes": [
             {
-                "frequency": _numbers(mode.frequency),
-                "damping_ratio": _numbers(mode.damping_ratio),
+                "frequency": asdict(mode.frequency),
+                "damping_ratio": asdict(mode.damping_ratio),
                 "residues": dict(zip(names, row.tolist(), strict=True)),
             }
             for mode, row in zip(found.modes, found.residues, strict=True)
         ],
         "noise": dict(zip(names, found.noise.tolist(), strict=True)),
     }
-
-
-def _numbers(one: Interval) -> dict[str, float]:
-    return {"value": one.value, "low": one.low, "high": one.high}
 
 
 def _sections(found: ResponseModel) -> Iterator[Section]:

@@ -25,6 +25,13 @@ static fmi2Status result(Instance *of, const char *problem) {
     return fmi2Error;
 }
 
+#define FMI(name) fmi2##name
+#define FMI_STATE(before, after) fmi2##before##FMUstate##after
+#define FMI_DESERIALIZE fmi2DeSerializeFMUstate
+#define FMI_DERIVATIVES fmi2GetDerivatives
+typedef char Byte;
+#include "both_versions.h"
+
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
 EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 
@@ -77,23 +84,6 @@ EXPORT fmi2Status fmi2EnterInitializationMode(void *c) {
     return fmi2OK;
 }
 
-EXPORT fmi2Status fmi2ExitInitializationMode(void *c) {
-    Model *model = &((Instance *)c)->model;
-    model->phase = model->exchanged ? EVENT : RUNNING;
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2Terminate(void *c) {
-    ((Instance *)c)->model.phase = TERMINATED;
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2Reset(void *c) {
-    Model *model = &((Instance *)c)->model;
-    model_reset(model, model->exchanged);
-    return fmi2OK;
-}
-
 EXPORT fmi2Status fmi2GetReal(void *c, const unsigned refs[], size_t n, double values[]) {
     const char *problem = NULL;
     model_refresh(&((Instance *)c)->model);
@@ -121,43 +111,6 @@ NONE(SetInteger, const int)
 NONE(SetBoolean, const int)
 NONE(SetString, const char *const)
 
-EXPORT fmi2Status fmi2GetFMUstate(void *c, void **state) {
-    if (*state == NULL) *state = malloc(sizeof(Model));
-    if (*state == NULL) return result(c, "out of memory");
-    memcpy(*state, &((Instance *)c)->model, sizeof(Model));
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2SetFMUstate(void *c, void *state) {
-    memcpy(&((Instance *)c)->model, state, sizeof(Model));
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2FreeFMUstate(void *c, void **state) {
-    free(*state);
-    *state = NULL;
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2SerializedFMUstateSize(void *c, void *state, size_t *size) {
-    *size = sizeof(Model);
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2SerializeFMUstate(void *c, void *state, char bytes[], size_t size) {
-    if (size < sizeof(Model)) return result(c, "the buffer is smaller than a state");
-    memcpy(bytes, state, sizeof(Model));
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2DeSerializeFMUstate(void *c, const char bytes[], size_t size, void **state) {
-    if (size != sizeof(Model)) return result(c, "these bytes are no state of the model");
-    if (*state == NULL) *state = malloc(sizeof(Model));
-    if (*state == NULL) return result(c, "out of memory");
-    memcpy(*state, bytes, sizeof(Model));
-    return fmi2OK;
-}
-
 EXPORT fmi2Status fmi2GetDirectionalDerivative(void *c, const unsigned unknowns[], size_t n,
                                                const unsigned knowns[], size_t m,
                                                const double along[], double derivative[]) {
@@ -180,14 +133,6 @@ typedef struct {
     double next;
 } EventInfo;
 
-EXPORT fmi2Status fmi2EnterEventMode(void *c) {
-    return result(c, model_enter(&((Instance *)c)->model, EVENT));
-}
-
-EXPORT fmi2Status fmi2EnterContinuousTimeMode(void *c) {
-    return result(c, model_enter(&((Instance *)c)->model, RUNNING));
-}
-
 /* there are no discrete states and no events */
 EXPORT fmi2Status fmi2NewDiscreteStates(void *c, EventInfo *info) {
     memset(info, 0, sizeof *info);
@@ -198,30 +143,6 @@ EXPORT fmi2Status fmi2CompletedIntegratorStep(void *c, int no_rollback, int *eve
                                               int *terminate) {
     *event = *terminate = 0;
     return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2SetTime(void *c, double time) {
-    return result(c, model_set_time(&((Instance *)c)->model, time));
-}
-
-EXPORT fmi2Status fmi2SetContinuousStates(void *c, const double states[], size_t n) {
-    return result(c, model_set_states(&((Instance *)c)->model, states, n));
-}
-
-EXPORT fmi2Status fmi2GetContinuousStates(void *c, double states[], size_t n) {
-    return result(c, model_states(&((Instance *)c)->model, states, n));
-}
-
-EXPORT fmi2Status fmi2GetDerivatives(void *c, double slopes[], size_t n) {
-    return result(c, model_slopes(&((Instance *)c)->model, slopes, n));
-}
-
-EXPORT fmi2Status fmi2GetNominalsOfContinuousStates(void *c, double nominals[], size_t n) {
-    return result(c, model_nominals(nominals, n));
-}
-
-EXPORT fmi2Status fmi2GetEventIndicators(void *c, double values[], size_t n) {
-    return n == 0 ? fmi2OK : result(c, "the model has no event indicators");
 }
 
 EXPORT fmi2Status fmi2DoStep(void *c, double time, double step, int no_rollback) {

@@ -19,6 +19,13 @@ static fmi3Status result(Instance *of, const char *problem) {
     return fmi3Error;
 }
 
+#define FMI(name) fmi3##name
+#define FMI_STATE(before, after) fmi3##before##FMUState##after
+#define FMI_DESERIALIZE fmi3DeserializeFMUState
+#define FMI_DERIVATIVES fmi3GetContinuousStateDerivatives
+typedef uint8_t Byte;
+#include "both_versions.h"
+
 EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
 
 EXPORT fmi3Status fmi3SetDebugLogging(void *c, bool on, size_t n, const char *const names[]) {
@@ -68,23 +75,6 @@ EXPORT fmi3Status fmi3EnterInitializationMode(void *c, bool tolerant, double tol
     return fmi3OK;
 }
 
-EXPORT fmi3Status fmi3ExitInitializationMode(void *c) {
-    Model *model = &((Instance *)c)->model;
-    model->phase = model->exchanged ? EVENT : RUNNING;
-    return fmi3OK;
-}
-
-EXPORT fmi3Status fmi3Terminate(void *c) {
-    ((Instance *)c)->model.phase = TERMINATED;
-    return fmi3OK;
-}
-
-EXPORT fmi3Status fmi3Reset(void *c) {
-    Model *model = &((Instance *)c)->model;
-    model_reset(model, model->exchanged);
-    return fmi3OK;
-}
-
 EXPORT fmi3Status fmi3GetFloat64(void *c, const Ref refs[], size_t n, double values[], size_t m) {
     const char *problem = n == m ? NULL : "all variables are scalars";
     model_refresh(&((Instance *)c)->model);
@@ -122,44 +112,6 @@ NONE(Boolean, bool)
 typedef const char *Text;
 NONE(String, Text)
 
-EXPORT fmi3Status fmi3GetFMUState(void *c, void **state) {
-    if (*state == NULL) *state = malloc(sizeof(Model));
-    if (*state == NULL) return result(c, "out of memory");
-    memcpy(*state, &((Instance *)c)->model, sizeof(Model));
-    return fmi3OK;
-}
-
-EXPORT fmi3Status fmi3SetFMUState(void *c, void *state) {
-    memcpy(&((Instance *)c)->model, state, sizeof(Model));
-    return fmi3OK;
-}
-
-EXPORT fmi3Status fmi3FreeFMUState(void *c, void **state) {
-    free(*state);
-    *state = NULL;
-    return fmi3OK;
-}
-
-EXPORT fmi3Status fmi3SerializedFMUStateSize(void *c, void *state, size_t *size) {
-    *size = sizeof(Model);
-    return fmi3OK;
-}
-
-EXPORT fmi3Status fmi3SerializeFMUState(void *c, void *state, uint8_t bytes[], size_t size) {
-    if (size < sizeof(Model)) return result(c, "the buffer is smaller than a state");
-    memcpy(bytes, state, sizeof(Model));
-    return fmi3OK;
-}
-
-EXPORT fmi3Status fmi3DeserializeFMUState(void *c, const uint8_t bytes[], size_t size,
-                                          void **state) {
-    if (size != sizeof(Model)) return result(c, "these bytes are no state of the model");
-    if (*state == NULL) *state = malloc(sizeof(Model));
-    if (*state == NULL) return result(c, "out of memory");
-    memcpy(*state, bytes, sizeof(Model));
-    return fmi3OK;
-}
-
 EXPORT fmi3Status fmi3EnterStepMode(void *c) { return fmi3OK; }
 EXPORT fmi3Status fmi3EnterConfigurationMode(void *c) { return fmi3OK; }
 EXPORT fmi3Status fmi3ExitConfigurationMode(void *c) { return fmi3OK; }
@@ -182,14 +134,6 @@ EXPORT fmi3Status fmi3GetNumberOfContinuousStates(void *c, size_t *count) {
     return fmi3OK;
 }
 
-EXPORT fmi3Status fmi3EnterEventMode(void *c) {
-    return result(c, model_enter(&((Instance *)c)->model, EVENT));
-}
-
-EXPORT fmi3Status fmi3EnterContinuousTimeMode(void *c) {
-    return result(c, model_enter(&((Instance *)c)->model, RUNNING));
-}
-
 /* there are no discrete states and no events */
 EXPORT fmi3Status fmi3UpdateDiscreteStates(void *c, bool *again, bool *terminate, bool *nominals,
                                            bool *states, bool *defined, double *next) {
@@ -204,30 +148,6 @@ EXPORT fmi3Status fmi3CompletedIntegratorStep(void *c, bool no_rollback, bool *e
                                               bool *terminate) {
     *event = *terminate = false;
     return fmi3OK;
-}
-
-EXPORT fmi3Status fmi3SetTime(void *c, double time) {
-    return result(c, model_set_time(&((Instance *)c)->model, time));
-}
-
-EXPORT fmi3Status fmi3SetContinuousStates(void *c, const double states[], size_t n) {
-    return result(c, model_set_states(&((Instance *)c)->model, states, n));
-}
-
-EXPORT fmi3Status fmi3GetContinuousStates(void *c, double states[], size_t n) {
-    return result(c, model_states(&((Instance *)c)->model, states, n));
-}
-
-EXPORT fmi3Status fmi3GetContinuousStateDerivatives(void *c, double slopes[], size_t n) {
-    return result(c, model_slopes(&((Instance *)c)->model, slopes, n));
-}
-
-EXPORT fmi3Status fmi3GetNominalsOfContinuousStates(void *c, double nominals[], size_t n) {
-    return result(c, model_nominals(nominals, n));
-}
-
-EXPORT fmi3Status fmi3GetEventIndicators(void *c, double values[], size_t n) {
-    return n == 0 ? fmi3OK : result(c, "the model has no event indicators");
 }
 
 EXPORT fmi3Status fmi3GetDirectionalDerivative(void *c, const Ref unknowns[], size_t n,

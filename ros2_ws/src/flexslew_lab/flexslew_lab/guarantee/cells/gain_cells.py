@@ -3,19 +3,19 @@
 An arc is divided until its bound is below the limit; a cell in which dividing does not help, is.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from time import thread_time
 from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_lab.guarantee.box import Box
-from flexslew_lab.guarantee.cell_cover import is_hopeless
+from flexslew_lab.guarantee.box import Box, halves
+from flexslew_lab.guarantee.cells.cell_cover import is_hopeless
+from flexslew_lab.guarantee.cells.gain_cell import LOWEST, GainCell, gain_cell
 from flexslew_lab.guarantee.deadline import require_time
-from flexslew_lab.guarantee.frequency_cover import LoopChannels
-from flexslew_lab.guarantee.gain_cell import LOWEST, GainCell, gain_cell
-from flexslew_lab.guarantee.system_fit import SystemFit
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_lab.guarantee.fit.dynamics_fit import SystemFit
+from flexslew_lab.guarantee.model.uncertain_loop import GainLimit, UncertainLoop
+from flexslew_plant.arrays import Vector
 
 _LEAST = 1e-5  # of the box: no smaller cell is tried
 
@@ -28,14 +28,13 @@ class BoundedCell(NamedTuple):
 
 
 def bounded_cells(
-    fit: SystemFit, complement: bool, limit: float, seconds: float
+    fit: SystemFit, gain: GainLimit, seconds: float
 ) -> tuple[BoundedCell, ...] | None:
-    """Return cells that cover a box, in which all loops are stable and have a gain below a limit.
+    """Return cells that cover a box, in which all loops are stable and keep the limit of a gain.
 
     Args:
         fit: of the system over the box.
-        complement: whether the gain is that of one minus the system.
-        limit: of its largest singular value.
+        gain: with its limit.
         seconds: that the search may take.
 
     Returns:
@@ -50,9 +49,9 @@ def bounded_cells(
             return None
         axis = int(np.argmax(radius))
         try:
-            cell = gain_cell(fit, complement, centre, radius)
+            cell = gain_cell(fit, gain.complement, centre, radius)
             if cell.modal.bound(np.ones(m)) < 1.0:
-                failed = cell.holds(limit, start + seconds)
+                failed = cell.holds(gain.bound, start + seconds)
                 if failed is None:
                     here = Box(fit.box.at(centre), fit.box.radius * radius)
                     done.append(BoundedCell(here, cell))
@@ -62,18 +61,12 @@ def bounded_cells(
                 axis = _axis(cell, radius, None)
         except np.linalg.LinAlgError:
             pass  # the eigenvectors at the centre are dependent: those of its halves need not be
-        one = np.eye(m)[axis] * radius
-        waiting += [(centre + side * one, radius - 0.5 * one) for side in (-0.5, 0.5)]
+        waiting += halves(centre, radius, axis)
     return tuple(done)
 
 
 def exceeding(
-    exact: Callable[[Vector], Matrix],
-    states: int,
-    complement: bool,
-    limit: float,
-    cells: Sequence[BoundedCell],
-    end: float = np.inf,
+    loop: UncertainLoop, gain: GainLimit, cells: Sequence[BoundedCell], end: float = np.inf
 ) -> Vector | None:
     """Return values at which the system itself exceeds a limit, or None: an independent check.
 
@@ -82,16 +75,14 @@ def exceeding(
     Raises:
         OutOfTimeError: if it is not done at the end, as time.thread_time counts [s].
     """
-    rng, n = np.random.default_rng(8), states
+    rng = np.random.default_rng(8)
     for cell in cells:
         require_time(end)
         for x in np.vstack((0.0 * cell.box.centre, rng.uniform(-1.0, 1.0, cell.box.centre.shape))):
-            s = exact(cell.box.at(x))
-            angles = abs(np.angle(np.linalg.eigvals(s[:n, :n])))
+            system = loop.response(cell.box.at(x), gain)
+            angles = abs(np.angle(np.linalg.eigvals(system.a)))
             angles = np.append(angles[angles > LOWEST], rng.uniform(0.0, np.pi, 8))
-            system = LoopChannels(s[:n, :n], s[:n, n:], s[n:, :n],
-                                  s[n:, n:] + complement * np.eye(len(s) - n))  # fmt: skip
-            if np.linalg.norm(system.at(angles), 2, axis=(1, 2)).max() > limit:
+            if np.linalg.norm(system.at(angles), 2, axis=(1, 2)).max() > gain.bound:
                 return cell.box.at(x)
     return None
 

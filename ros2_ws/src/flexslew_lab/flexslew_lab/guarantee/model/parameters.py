@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from flexslew_lab.guarantee.box import Box
-from flexslew_lab.guarantee.mode_changes import mode_key
-from flexslew_lab.guarantee.situation import NAMED, Situation
+from flexslew_lab.guarantee.model.mode_changes import mode_key
+from flexslew_lab.guarantee.model.situation import NAMED, Situation
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.keys.units import number_in

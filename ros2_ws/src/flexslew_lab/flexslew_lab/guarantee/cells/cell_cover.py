@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_lab.guarantee.box import Box, corners
+from flexslew_lab.guarantee.box import Box, corners, halves
+from flexslew_lab.guarantee.cells.modal_cell import ModalCell, modal_cell, radius_of
 from flexslew_lab.guarantee.deadline import require_time
-from flexslew_lab.guarantee.dynamics_fit import DynamicsFit, dynamics_fit
-from flexslew_lab.guarantee.modal_cell import ModalCell, modal_cell, radius_of
+from flexslew_lab.guarantee.fit.dynamics_fit import DynamicsFit, dynamics_fit
 from flexslew_plant.arrays import Matrix, Vector
 
 _FLOOR = 1e-14  # of a norm that is checked
@@ -170,8 +170,7 @@ def _norms_at(cell: Cell, a: Matrix, x: Vector) -> Matrix:
 def _halves(
     region: DynamicsFit, centre: Vector, radius: Vector, axis: int
 ) -> list[tuple[DynamicsFit, Vector, Vector]]:
-    one = np.eye(len(centre))[axis] * radius
-    return [(region, centre + side * one, radius - 0.5 * one) for side in (-0.5, 0.5)]
+    return [(region, *half) for half in halves(centre, radius, axis)]
 
 
 def _is_coarse(cell: ModalCell) -> bool:

@@ -6,7 +6,6 @@ from itertools import pairwise
 import numpy as np
 
 from flexslew_control.analysis.loop import Complex
-from flexslew_plant.arrays import Matrix
 
 
 @dataclass(frozen=True)
@@ -60,57 +59,36 @@ class Multiplier:
 
 
 class MultiplierBasis:
-    """Basis matrices of D and G for a structure: the unknowns of the inequality."""
+    """Basis matrices of D and G for a structure: the unknowns of the inequality.
+
+    Attributes:
+        terms: the multiplier of each unknown, stacked.
+        start: D = 1, G = 0.
+        is_g: which unknowns are of G.
+    """
 
     def __init__(self, blocks: DeltaBlocks) -> None:
-        spans = blocks.spans()
+        spans, count = blocks.spans(), blocks.unknowns
         w, v = spans[-1][0].stop, spans[-1][1].stop
-        self.by_v: list[Complex] = []
-        self.across: list[Complex] = []
-        self.by_w: list[Complex] = []
+        d, g, e = (np.zeros((count, *shape), complex) for shape in ((v, v), (v, w), (w, w)))
+        self.is_g, k = np.zeros(count, bool), 0
         for number, (in_w, in_v) in enumerate(spans):
             if number >= len(blocks.real):
-                self._add(v, w, in_v, in_w, np.eye(in_v.stop - in_v.start),
-                          np.eye(in_w.stop - in_w.start))  # fmt: skip
+                d[k, in_v, in_v] = np.eye(in_v.stop - in_v.start)
+                e[k, in_w, in_w] = np.eye(in_w.stop - in_w.start)
+                k += 1
                 continue
             basis = _hermitian(blocks.real[number])
-            for one in basis:
-                self._add(v, w, in_v, in_w, one, one)
-            for one in basis:
-                self._add_across(v, w, in_v, in_w, one)
-        shape = len(self.by_v)
-        self.d = np.array(self.by_v).reshape(shape, v, v)
-        self.g = np.array(self.across).reshape(shape, v, w)
-        self.e = np.array(self.by_w).reshape(shape, w, w)
-        diagonal = [bool(np.diagonal(e).any()) for e in self.e]
-        self.start = np.where(diagonal, 1.0, 0.0)  # D = 1, G = 0
-        self.is_g = abs(self.g).sum(axis=(1, 2)) > 0.0
-
-    def _add(
-        self,
-        v: int,
-        w: int,
-        in_v: slice,
-        in_w: slice,
-        of_v: Complex | Matrix,
-        of_w: Complex | Matrix,
-    ) -> None:
-        d, e = np.zeros((v, v), complex), np.zeros((w, w), complex)
-        d[in_v, in_v], e[in_w, in_w] = of_v, of_w
-        self.by_v.append(d)
-        self.across.append(np.zeros((v, w), complex))
-        self.by_w.append(e)
-
-    def _add_across(self, v: int, w: int, in_v: slice, in_w: slice, one: Complex) -> None:
-        g = np.zeros((v, w), complex)
-        g[in_v, in_w] = -1j * one
-        self.by_v.append(np.zeros((v, v), complex))
-        self.across.append(g)
-        self.by_w.append(np.zeros((w, w), complex))
+            of_d, of_g = slice(k, k + len(basis)), slice(k + len(basis), k + 2 * len(basis))
+            d[of_d, in_v, in_v] = e[of_d, in_w, in_w] = basis
+            g[of_g, in_v, in_w] = -1j * basis
+            self.is_g[of_g], k = True, of_g.stop
+        self.terms = Multiplier(d, g, e)
+        self.start = np.diagonal(e, axis1=1, axis2=2).any(axis=1).astype(float)
 
 
-def _hermitian(size: int) -> list[Complex]:
-    """Return a basis of Hermitian matrices."""
+def _hermitian(size: int) -> Complex:
+    """Return a basis of Hermitian matrices, shape (size^2, size, size)."""
     out = []
     for i in range(size):
         for k in range(i + 1):
@@ -118,4 +96,4 @@ def _hermitian(size: int) -> list[Complex]:
                 one = np.zeros((size, size), complex)
                 one[i, k], one[k, i] = value, np.conj(value)
                 out.append(one)
-    return out
+    return np.array(out).reshape(size**2, size, size)

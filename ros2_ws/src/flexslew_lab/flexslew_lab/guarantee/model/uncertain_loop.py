@@ -6,13 +6,13 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import schur, solve_sylvester
 
-from flexslew_lab.guarantee.box import Box
-from flexslew_lab.guarantee.delta_blocks import DeltaBlocks
-from flexslew_lab.guarantee.dynamics_fit import DynamicsFit, dynamics_fit
-from flexslew_lab.guarantee.fractional import Fractional, fractional_over
-from flexslew_lab.guarantee.frequency_cover import LoopChannels
+from flexslew_lab.analysis.separation import LinearPart, separated_parts
+from flexslew_lab.guarantee.box import Box, halves
+from flexslew_lab.guarantee.fit.dynamics_fit import DynamicsFit, dynamics_fit
+from flexslew_lab.guarantee.fit.fractional import Fractional, fractional_over
+from flexslew_lab.guarantee.scalings.delta_blocks import DeltaBlocks
+from flexslew_lab.guarantee.scalings.frequency_cover import LoopChannels
 from flexslew_plant.arrays import Matrix, Vector
 
 _RIGID = 1e-9  # distance from the unit circle of a pole that the loop does not show
@@ -28,6 +28,10 @@ class GainLimit(NamedTuple):
 
     bound: float
     complement: bool = False
+
+    def direct(self, d: Matrix) -> Matrix:
+        """Return the feedthrough of the gain's system, D or I + D."""
+        return np.eye(len(d)) + d if self.complement else d
 
 
 @dataclass(frozen=True)
@@ -62,13 +66,13 @@ class UncertainLoop:
 
     def halves(self, axis: int) -> "list[UncertainLoop]":
         """Return the loop over both halves of its box, fitted again, across a parameter."""
-        out = []
-        for side in (-0.5, 0.5):
-            centre, radius = self.box.centre.copy(), self.box.radius.copy()
-            centre[axis] += side * radius[axis]
-            radius[axis] *= 0.5
-            out.append(replace(self, box=Box(centre, radius)))
-        return out
+        box = self.box
+        return [replace(self, box=Box(*half)) for half in halves(box.centre, box.radius, axis)]
+
+    def response(self, values: Vector, gain: GainLimit) -> LoopChannels:
+        """Return the system of a gain, S or -T, at values of the parameters."""
+        s, n = self.exact(values), self.states
+        return LoopChannels(s[:n, :n], s[:n, n:], s[n:, :n], gain.direct(s[n:, n:]))
 
 
 def channels_of(
@@ -85,9 +89,7 @@ def channels_of(
     s = form.constant
     b, c, d = form.left[:n], form.right[:, :n], form.inner
     if gain is not None:
-        direct = s[n:, n:]
-        if gain.complement:
-            direct = np.eye(len(direct)) + direct
+        direct = gain.direct(s[n:, n:])
         b = np.hstack((b, s[:n, n:]))
         c = np.vstack((c, s[n:, :n] / gain.bound))
         d = np.block([[d, form.right[:, n:]],
@@ -98,20 +100,10 @@ def channels_of(
 
 
 def _reduced(whole: LoopChannels) -> LoopChannels:
-    """Return the channels without poles on the circle, rigid motions that the loop does not show.
-
-    A real Schur form puts them last, and Sylvester's equation separates them.
-    """
-    a, basis, kept = schur(whole.a, sort=_decays)
-    if kept == len(a):
-        return whole
-    coupling = solve_sylvester(a[:kept, :kept], -a[kept:, kept:], -a[:kept, kept:])
-    b, c = basis.T @ whole.b, whole.c @ basis
-    return LoopChannels(a[:kept, :kept], b[:kept] - coupling @ b[kept:], c[:, :kept], whole.d)
-
-
-def _decays(real: float, imaginary: float = 0.0) -> bool:
-    return abs(complex(real, imaginary)) < 1.0 - _RIGID
+    """Return the channels without poles on the circle, rigid motions that no channel shows."""
+    part = LinearPart(whole.a, whole.b, whole.c)
+    seen, _ = separated_parts(part, lambda z: abs(z) < 1.0 - _RIGID)
+    return LoopChannels(*seen, whole.d) if len(seen.a) < len(whole.a) else whole
 
 
 def structure(loop: UncertainLoop, gain: GainLimit | None = None) -> DeltaBlocks:

@@ -9,7 +9,8 @@ from scipy.linalg import matrix_balance
 from flexslew_control.analysis.loop import ControlLoop, loop_of
 from flexslew_lab.analysis.analysis import Analysis, is_stable
 from flexslew_lab.guarantee.box import Box
-from flexslew_lab.guarantee.parameters import (
+from flexslew_lab.guarantee.fit.polynomial import size_differs
+from flexslew_lab.guarantee.model.parameters import (
     DEFAULT,
     Uncertain,
     Vary,
@@ -17,9 +18,8 @@ from flexslew_lab.guarantee.parameters import (
     loop_values,
     uncertain_parameters,
 )
-from flexslew_lab.guarantee.polynomial import size_differs
-from flexslew_lab.guarantee.situation import Situation, situation_at
-from flexslew_lab.guarantee.uncertain_loop import UncertainLoop
+from flexslew_lab.guarantee.model.situation import Situation, situation_at
+from flexslew_lab.guarantee.model.uncertain_loop import UncertainLoop
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput

@@ -14,8 +14,9 @@ from time import thread_time
 import numpy as np
 
 from flexslew_control.analysis.loop import Complex
-from flexslew_lab.guarantee.modal_cell import MatrixTerms, ModalCell, modal_cell
-from flexslew_lab.guarantee.system_fit import SystemFit
+from flexslew_lab.guarantee.cells.modal_cell import ModalCell, modal_cell
+from flexslew_lab.guarantee.fit.dynamics_fit import SystemFit
+from flexslew_lab.guarantee.fit.polynomial import MatrixTerms
 from flexslew_plant.arrays import Matrix, Vector
 
 _ROUNDS = 24  # of halving an arc

@@ -9,15 +9,15 @@ from scipy.io import savemat
 
 from flexslew_control.analysis.lti import Lti
 from flexslew_lab.analysis.trial_models import point_of
-from flexslew_lab.guarantee.fractional import Fractional, fractional_over
-from flexslew_lab.guarantee.parameters import (
+from flexslew_lab.guarantee.fit.fractional import Fractional, fractional_over
+from flexslew_lab.guarantee.model.parameters import (
     Uncertain,
     Vary,
     box_of,
     loop_values,
     uncertain_parameters,
 )
-from flexslew_lab.guarantee.situation import situation_at
+from flexslew_lab.guarantee.model.situation import situation_at
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
@@ -34,17 +34,11 @@ class UncertainModel:
     Args:
         lti: M, signals w.NAME.k and v.NAME.k first.
         parameters: with their ranges; delta is -1 at the low end and 1 at the high end.
-        sizes: how often each is repeated in Delta, shape (m,).
-        error: rows and columns of a full block behind them, |E| <= 1, for the error of the fit.
-        largest_error: of the fit, of the largest matrix entry [-].
-        form: of [[A, B], [C, D]].
+        form: of [[A, B], [C, D]]; its `sizes` and `error` are the blocks of Delta.
     """
 
     lti: Lti
     parameters: tuple[Uncertain, ...]
-    sizes: tuple[int, ...]
-    error: tuple[int, int]
-    largest_error: float
     form: Fractional
 
     @property
@@ -85,14 +79,15 @@ class UncertainModel:
         target = Path(path)
         if target.suffix != ".mat":
             raise BadInput("give a name that ends in .mat", target)
-        full = [list(self.error)] if any(self.error) else []
-        blocks = [[-size, 0] for size in self.sizes if size] + full
+        full = [list(self.form.error)] if any(self.form.error) else []
+        blocks = [[-size, 0] for size in self.form.sizes if size] + full
         m = self.lti
         content = {
             "A": m.a, "B": m.b, "C": m.c, "D": m.d, "Ts": m.period, "blk": np.array(blocks, float),
             "parameters": np.array([p.name for p in self.parameters], dtype=object),
             "low": np.array([p.low for p in self.parameters]),
-            "high": np.array([p.high for p in self.parameters]), "fit_error": self.largest_error,
+            "high": np.array([p.high for p in self.parameters]),
+            "fit_error": self.form.largest_error,
             **{key: np.array(getattr(m, key), dtype=object)
                for key in ("inputs", "outputs", "states")},
         }  # fmt: skip
@@ -104,16 +99,16 @@ class UncertainModel:
     def __repr__(self) -> str:
         """Return one line: states, and how often each parameter is repeated."""
         each = ", ".join(
-            f"{p.name} x {size}" for p, size in zip(self.parameters, self.sizes, strict=True)
+            f"{p.name} x {size}" for p, size in zip(self.parameters, self.form.sizes, strict=True)
         )
-        error = "exact" if self.form.exact else f"error {self.largest_error:.1e}"
+        error = "exact" if self.form.exact else f"error {self.form.largest_error:.1e}"
         return f"<UncertainModel: {len(self.lti.states)} states, {each}, {error}>"
 
     def _repr_html_(self) -> str:
         """Return the parameters, for notebooks."""
         rows = (
             (p.name, f"{p.low:g}", f"{p.high:g}", size)
-            for p, size in zip(self.parameters, self.sizes, strict=True)
+            for p, size in zip(self.parameters, self.form.sizes, strict=True)
         )
         return in_notebook(repr(self), ("parameter", "low", "high", "times"), rows)
 
@@ -141,11 +136,7 @@ def uncertain_model_of(trial: Trial, vary: Vary, at: float | str | None = None) 
         return np.block([[p.a, p.b], [p.c, p.d]])
 
     form = fractional_over(matrix, box)
-    middle = plant(box.centre)
-    return UncertainModel(
-        _pulled_out(middle, form, parameters), parameters, form.sizes, form.error,
-        form.largest_error, form,
-    )  # fmt: skip
+    return UncertainModel(_pulled_out(plant(box.centre), form, parameters), parameters, form)
 
 
 def _pulled_out(middle: Lti, form: Fractional, parameters: tuple[Uncertain, ...]) -> Lti:

@@ -11,44 +11,20 @@ has a spectral radius that no loop of the cell exceeds. Light damping makes cell
 many: within one a frequency may move by a share of the root of the damping ratio.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement, permutations
-from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cholesky, schur, solve_discrete_lyapunov, solve_sylvester
 
 from flexslew_control.analysis.loop import Complex
 from flexslew_lab.guarantee.box import corners
-from flexslew_lab.guarantee.polynomial import Polynomial
+from flexslew_lab.guarantee.fit.polynomial import MatrixTerms
 from flexslew_plant.arrays import Indices, Matrix, Vector
 
 _NEAR = 0.7  # of the distance from the unit circle: nearer eigenvalues share a block
 _SLACK = 0.5  # of a block's distance from the circle that its coordinates leave
 _ROUNDING = 1e-15  # of a product's terms, for each state
-
-
-class MatrixTerms(NamedTuple):
-    """A polynomial as arrays: exponents, shape (k, m), and matrices, shape (k, n, n)."""
-
-    exponents: Matrix
-    matrices: Complex
-
-    def derivative(self, at: Vector, axes: Sequence[int]) -> Vector:
-        """Return the derivative of each product of powers at a point, shape (k,)."""
-        left, factor = self.exponents.copy(), np.ones(len(self.exponents))
-        for axis in axes:
-            factor *= left[:, axis]
-            left[:, axis] -= 1.0
-        return np.asarray(factor * np.prod(at ** np.maximum(left, 0.0), axis=1))
-
-
-def terms_of(polynomial: Polynomial) -> MatrixTerms:
-    """Return the terms of a polynomial as arrays."""
-    powers = list(polynomial.terms)
-    exponents = np.array([[p.count(i) for i in range(polynomial.parameters)] for p in powers])
-    return MatrixTerms(exponents.astype(float), np.array([polynomial.terms[p] for p in powers]))
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 
 from flexslew_control.analysis.loop import Complex
 from flexslew_lab.guarantee.deadline import require_time
-from flexslew_lab.guarantee.delta_blocks import DeltaBlocks, Multiplier, MultiplierBasis
+from flexslew_lab.guarantee.scalings.delta_blocks import DeltaBlocks, Multiplier, MultiplierBasis
 from flexslew_plant.arrays import Matrix, Vector
 
 MOST_UNKNOWNS = 500  # of an inequality: more take minutes
@@ -91,16 +91,14 @@ class Scalings:
         ends soon after t is positive, or where t plus the duality gap is negative. For matrices as
         small and dense as these it takes a small part of the time of Clarabel.
         """
-        b, w = self._basis, m.shape[1]
-        star = m.conj().T
-        mixed = star @ b.g
-        phi = star @ b.d @ m + mixed + np.conj(np.swapaxes(mixed, 1, 2)) - b.e
+        b, w, of_w = self._basis, m.shape[1], self._basis.terms.by_w
+        phi = b.terms.phi(m)
         slopes: list[Complex] = [np.concatenate((-phi, -np.eye(w, dtype=complex)[None]))]
         for rows, _ in self.blocks.spans():
             k = rows.stop - rows.start
             if k:
-                slopes.append(np.concatenate((b.e[:, rows, rows], np.zeros((1, k, k), complex))))
-        sums = np.append(np.trace(b.e, axis1=1, axis2=2).real, 0.0)
+                slopes.append(np.concatenate((of_w[:, rows, rows], np.zeros((1, k, k), complex))))
+        sums = np.append(np.trace(of_w, axis1=1, axis2=2).real, 0.0)
         x = np.append(b.start, 0.0)
         x[-1] = float(np.linalg.eigvalsh(np.tensordot(x, slopes[0], 1))[0]) - 1.0
         constraints = sum(part.shape[1] for part in slopes)
@@ -128,8 +126,9 @@ class Scalings:
 
     def _checked(self, m: Complex, x: Vector) -> Multiplier | None:
         """Return the multiplier of a solution, D made positive; None where Phi is not negative."""
+        terms = self._basis.terms
         by_v, across, by_w = (np.tensordot(x, part, 1) for part in
-                              (self._basis.d, self._basis.g, self._basis.e))  # fmt: skip
+                              (terms.by_v, terms.across, terms.by_w))  # fmt: skip
         for in_w, in_v in self.blocks.spans():
             block = by_w[in_w, in_w]
             if not block.size:

@@ -1,15 +1,20 @@
-"""The closed loop's dynamics over a box as a polynomial, without motions that the loop hides."""
+"""The closed loop over a box as a polynomial, without motions that it hides."""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import null_space, schur
+from scipy.linalg import block_diag, null_space, schur
 
 from flexslew_control.analysis.loop import Complex
 from flexslew_lab.guarantee.box import Box
-from flexslew_lab.guarantee.modal_cell import MatrixTerms, terms_of
-from flexslew_lab.guarantee.polynomial import FitError, checks, fit_error, polynomial_over
+from flexslew_lab.guarantee.fit.polynomial import (
+    FitError,
+    MatrixTerms,
+    checks,
+    fit_error,
+    polynomial_over,
+)
 from flexslew_plant.arrays import Matrix, Vector
 
 _FIT = 1e-11  # error at which the fit ends, of the largest entry [-]
@@ -51,10 +56,7 @@ def dynamics_fit(dynamics: Callable[[Vector], Matrix], box: Box) -> DynamicsFit:
     Raises:
         BadInput: if the size of A differs within the box.
     """
-    samples = checks(dynamics, box)
-    fitted = polynomial_over(dynamics, box, samples, _FIT)
-    quality = fit_error(fitted, samples)
-    terms = terms_of(fitted)
+    terms, quality = _terms_over(dynamics, box)
     shown = np.eye(terms.matrices.shape[1])
     for transposed in (False, True):
         shown = _without_hidden(shown, terms, transposed) @ shown
@@ -62,6 +64,44 @@ def dynamics_fit(dynamics: Callable[[Vector], Matrix], box: Box) -> DynamicsFit:
         box, shown, MatrixTerms(terms.exponents, shown @ terms.matrices @ shown.T),
         _SAFETY * quality.largest * len(terms.matrices[0]), quality,
     )  # fmt: skip
+
+
+class SystemFit(NamedTuple):
+    """[[A, B], [C, D]] over a box, without hidden motions; outputs of the response last.
+
+    Args:
+        box: of the parameters.
+        terms: in normalised coordinates.
+        states: that are left.
+        error: of each entry.
+    """
+
+    box: Box
+    terms: MatrixTerms
+    states: int
+    error: float
+
+
+def system_fit(exact: Callable[[Vector], Matrix], box: Box, shown: Matrix) -> SystemFit:
+    """Return a system over a box as a polynomial.
+
+    Args:
+        exact: [[A, B], [C, D]] at values.
+        box: of these.
+        shown: rows that leave hidden motions out, see DynamicsFit.
+    """
+    (terms, quality), (kept, n) = _terms_over(exact, box), shown.shape
+    rows, columns = (block_diag(shown, np.eye(size - n)) for size in terms.matrices.shape[1:])
+    matrices = rows @ terms.matrices @ columns.T
+    return SystemFit(
+        box, MatrixTerms(terms.exponents, matrices), kept, _SAFETY * quality.largest * n
+    )
+
+
+def _terms_over(function: Callable[[Vector], Matrix], box: Box) -> tuple[MatrixTerms, FitError]:
+    samples = checks(function, box)
+    fitted = polynomial_over(function, box, samples, _FIT)
+    return fitted.arrays, fit_error(fitted, samples)
 
 
 def _without_hidden(shown: Matrix, terms: MatrixTerms, transposed: bool) -> Matrix:

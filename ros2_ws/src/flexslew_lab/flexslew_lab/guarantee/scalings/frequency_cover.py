@@ -14,8 +14,8 @@ import numpy as np
 from flexslew_control.analysis.loop import Complex
 from flexslew_control.analysis.lti import transfer
 from flexslew_lab.guarantee.deadline import OutOfTimeError
-from flexslew_lab.guarantee.delta_blocks import DeltaBlocks, Multiplier
-from flexslew_lab.guarantee.scalings import Scalings
+from flexslew_lab.guarantee.scalings.delta_blocks import DeltaBlocks, Multiplier
+from flexslew_lab.guarantee.scalings.multipliers import Scalings
 from flexslew_plant.arrays import Matrix, Vector
 
 _AXIS = 1e-3  # real part, of an eigenvalue's size, at which it may be on the axis

@@ -1,6 +1,6 @@
 """The sampled plant of a trial at any values of its uncertain parameters."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,7 +12,8 @@ from flexslew_control.analysis.modes import Mode, natural_modes
 from flexslew_control.analysis.rest import Rest, rest_of
 from flexslew_control.analysis.signals import states_of
 from flexslew_lab.analysis.trial_models import Point
-from flexslew_lab.guarantee.mode_changes import ModeChange, mode_key, with_modes
+from flexslew_lab.guarantee.model.mode_changes import ModeChange, mode_key, with_modes
+from flexslew_lab.trial.overrides import override_values
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Testbed, with_changes
@@ -58,7 +59,7 @@ class Situation:
         modes = dict(self.modes)
         for name, value in changes.items():
             if name.startswith("testbed."):
-                _put(keys, name.split(".")[1:], value)
+                keys[name.removeprefix("testbed.")] = value
             elif name == "gain" or name.startswith("gain."):
                 gain = np.ones(efforts) if path.gain is None else path.gain.copy()
                 one = name.partition(".")[2]
@@ -73,7 +74,7 @@ class Situation:
             elif (key := mode_key(name)) is not None:
                 modes[key[0]] = modes.get(key[0], ModeChange())._replace(**{key[1]: value})
         if keys:
-            testbed = with_changes(testbed, keys, "vary")
+            testbed = with_changes(testbed, override_values({}, keys), "vary")
         if testbed is self.testbed:
             return replace(self, path=path, modes=modes)
         rest = rest_of(testbed, self.rest.joints, self.rest.time)
@@ -93,12 +94,6 @@ class Situation:
     def natural_modes(self) -> tuple[Mode, ...]:
         """Modes of the plant, the slowest first, as `analyse` lists them."""
         return natural_modes(continuous_plant(self.rest, self.path.actuator))
-
-
-def _put(tree: dict[str, Any], parts: Sequence[str], value: float) -> None:
-    for part in parts[:-1]:
-        tree = tree.setdefault(part, {})
-    tree[parts[-1]] = value
 
 
 def situation_at(trial: Trial, point: Point) -> Situation:

@@ -13,11 +13,12 @@ import numpy as np
 from scipy.linalg import block_diag, solve_discrete_lyapunov
 
 from flexslew_lab.guarantee.box import Box
-from flexslew_lab.guarantee.polynomial import (
+from flexslew_lab.guarantee.fit.polynomial import (
     MatrixSamples,
     Polynomial,
     Power,
     checks,
+    fit_error,
     polynomial_over,
 )
 from flexslew_plant.arrays import Matrix, Vector
@@ -87,11 +88,7 @@ def fractional_form(polynomial: Polynomial, samples: MatrixSamples) -> Fractiona
     levels, m = [], polynomial.parameters
     terms = dict(polynomial.terms)
     scale = max(float(abs(samples.values).max()), 1e-300)
-    misfit = max(
-        float(abs(polynomial.at(delta) - value).max())
-        for delta, value in zip(samples.delta, samples.values, strict=True)
-    )
-    least = max(_RANK * scale, _SHARE * misfit)
+    least = max(_RANK * scale, _SHARE * fit_error(polynomial, samples).largest)
     constants = [terms.pop(())]
     while terms:
         left, rests, sizes = [], [], []

@@ -1,12 +1,13 @@
 """A matrix that depends on parameters, as a polynomial over a box."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import combinations_with_replacement
 from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_lab.guarantee.box import Box, corners
+from flexslew_control.analysis.loop import Complex
+from flexslew_lab.guarantee.box import Box, corners_and_inner
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
 
@@ -19,6 +20,21 @@ _ROUNDING = 1e-13  # of the largest entry
 _SPREAD = 1.6  # points of a fit for each term
 _INSIDE = 1.0 - 1e-6  # a delay changes the number of states at whole ticks, the sides of a box
 _CHECKS, _MOST_CORNERS = 24, 64
+
+
+class MatrixTerms(NamedTuple):
+    """A polynomial as arrays: exponents, shape (k, m), and matrices, shape (k, n, n)."""
+
+    exponents: Matrix
+    matrices: Complex
+
+    def derivative(self, at: Vector, axes: Sequence[int]) -> Vector:
+        """Return the derivative of each product of powers at a point, shape (k,)."""
+        left, factor = self.exponents.copy(), np.ones(len(self.exponents))
+        for axis in axes:
+            factor *= left[:, axis]
+            left[:, axis] -= 1.0
+        return np.asarray(factor * np.prod(at ** np.maximum(left, 0.0), axis=1))
 
 
 class Polynomial(NamedTuple):
@@ -36,6 +52,12 @@ class Polynomial(NamedTuple):
         """Return S at normalised coordinates, shape (m,)."""
         return np.asarray(sum(_product(delta, power) * s for power, s in self.terms.items()))
 
+    @property
+    def arrays(self) -> MatrixTerms:
+        """The terms as arrays."""
+        exponents = np.array([[p.count(i) for i in range(self.parameters)] for p in self.terms])
+        return MatrixTerms(exponents.astype(float), np.array(list(self.terms.values())))
+
 
 class MatrixSamples(NamedTuple):
     """A matrix at points of a box that no fit has used."""
@@ -44,17 +66,14 @@ class MatrixSamples(NamedTuple):
     values: Tensor  # shape (k, rows, columns)
 
 
-def checks(function: Callable[[Vector], Matrix], box: Box, seed: int = 2) -> MatrixSamples:
+def checks(function: Callable[[Vector], Matrix], box: Box) -> MatrixSamples:
     """Return a matrix at corners of a box, and at random points within.
 
     Raises:
         BadInput: if its size differs within the box, as of a delay over whole ticks.
     """
-    rng, m = np.random.default_rng(seed), len(box.centre)
-    outer = corners(m)
-    if len(outer) > _MOST_CORNERS:
-        outer = outer[rng.choice(len(outer), _MOST_CORNERS, replace=False)]
-    delta = _INSIDE * np.vstack((outer, rng.uniform(-1.0, 1.0, (_CHECKS, m))))
+    rng = np.random.default_rng(2)
+    delta = _INSIDE * corners_and_inner(len(box.centre), _MOST_CORNERS, _CHECKS, rng)
     values = [function(box.at(d)) for d in delta]
     if len({value.shape for value in values}) > 1:
         raise size_differs()

@@ -1,0 +1,1 @@
+"""Certificates by scalings D and G, each on an arc of the frequencies."""
