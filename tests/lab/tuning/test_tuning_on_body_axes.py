@@ -114,8 +114,9 @@ def test_a_plant_with_many_rigid_motions_is_reduced_without_a_change_of_its_resp
 
 @pytest.mark.slow
 def test_the_shipped_tuning_of_order_5_has_more_margin_than_the_tuned_gains() -> None:
+    """The number of docs/requirements_to_controller.md."""
     tuned = fs.tune("observatory_order_5")
     assert tuned.met
     assert len(tuned.section["system"]["a"]) == 3 * 5
     assert min(tuned.margins.values()) == pytest.approx(1.575, abs=0.01)
-    assert fs.worst_case(tuned.trial, {"stiffness": [0.8, 1.2]}, "pointing", at=0.0).guaranteed
+    assert fs.worst_case(tuned.trial, {"gain": 0.3}, "pointing", at=0.0).guaranteed
