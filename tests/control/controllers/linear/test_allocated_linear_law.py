@@ -1,5 +1,6 @@
 """Law `linear` with an allocation: it turns an observatory by torques about the body axes."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,8 @@ import flexslew as fs
 from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.controllers.linear.law_signals import LawSignals
 from flexslew_lab.analysis.analysis import disk_margin, loop_analysis
+from flexslew_lab.replay.check import check
+from flexslew_lab.replay.resim import resim
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.errors import BadInput
 
@@ -28,8 +31,8 @@ def pointing(section: dict[str, Any], **keys: Any) -> Trial:
         "testbed.pointing_from": 45.0, "testbed.pointing_window": 5.0,
         "plan": {"method": "reference_only", "goal": {"axis": [1.0, -2.0, 0.5], "angle": 0.02},
                  "duration": 12.0},
-        "controllers": {"pointing": section}, "active": "pointing", **keys,
-    })  # fmt: skip
+        "controllers": {"pointing": section}, "active": "pointing",
+    } | keys)  # fmt: skip
 
 
 def built(section: dict[str, Any]) -> Any:
@@ -91,3 +94,13 @@ def test_an_allocation_needs_a_craft_that_turns_in_three_axes() -> None:
     with pytest.raises(BadInput, match="do not turn it in three axes"):
         build_controller("it", "linear", {"allocation": {"kind": "wheels"}}, plant(), "here")
     assert CONTROLLERS["linear"].reads_testbed({"allocation": WHEELS})
+
+
+def test_it_takes_over_in_flight_and_a_bag_is_flown_and_checked_again(tmp_path: Path) -> None:
+    lag = {"a": (-np.eye(3)).tolist(), "b": np.eye(3, 6).tolist(), "c": np.eye(3).tolist(), **PD}
+    keys = {"duration": 20.0, "schedule": [{"at": 10.0, "switch": "other"}],
+            "testbed.pointing_from": 15.0}  # fmt: skip
+    controllers = {"pointing": THE_SAME, "other": {"law": "linear", "system": lag, **AXES}}
+    fs.fly(pointing(THE_SAME, controllers=controllers, **keys), tmp_path / "run")
+    assert resim(tmp_path / "run/bag").identical
+    assert check(tmp_path / "run/bag", "other").ok
