@@ -118,5 +118,5 @@ def test_the_shipped_tuning_of_order_5_has_more_margin_than_the_tuned_gains() ->
     tuned = fs.tune("observatory_order_5")
     assert tuned.met
     assert len(tuned.section["system"]["a"]) == 3 * 5
-    assert min(tuned.margins.values()) == pytest.approx(1.575, abs=0.01)
+    assert min(tuned.margins.values()) == pytest.approx(1.588, abs=0.015)
     assert fs.worst_case(tuned.trial, {"gain": 0.3}, "pointing", at=0.0).guaranteed
