@@ -40,7 +40,7 @@ def test_the_command_reports_what_is_not_met_by_its_exit_code(tmp_path: Path) ->
 
 
 def test_an_unknown_tuning_names_the_shipped_ones() -> None:
-    with pytest.raises(BadInput, match="acc_order_3, observatory_pointing"):
+    with pytest.raises(BadInput, match="acc_order_3, observatory_order_5, observatory_pointing"):
         read_tuning("acc_order_4")
 
 

@@ -17,7 +17,7 @@ from flexslew_control.controllers import CONTROLLERS, build_controller, with_fil
 from flexslew_control.controllers.host import merged
 from flexslew_control.controllers.linear.linear_law import LinearSettings, to_discrete
 from flexslew_control.controllers.linear_form import LinearObserver
-from flexslew_control.law import Reference
+from flexslew_control.law import MeasuredJoints, Reference
 from flexslew_lab.analysis.analysis import loop_analysis
 from flexslew_lab.notebook import fly, trial
 from flexslew_lab.replay.resim import resim
@@ -30,6 +30,7 @@ from flexslew_plant.testbeds import read_testbed
 D = np.array([[460.0, 0.0, 920.0, 0.0], [0.0, 460.0, 0.0, 920.0]])
 PD = {"d": D.tolist()}
 NONE = np.zeros(2)
+SEEN = MeasuredJoints()
 
 
 def built(**settings: Any) -> Any:
@@ -181,11 +182,14 @@ def test_a_law_with_a_state_takes_over_without_a_step_and_does_not_wind_up() -> 
     law = built(system=integral, tracking_time=1.0).law
     for tick in (7, 8):
         measurement, reference = asked(tick)
-        law.reset(measurement, None, reference, np.array([37.0, -21.5]))
-        np.testing.assert_allclose(law.update(measurement, None, reference), [37.0, -21.5])
+        law.reset(measurement, SEEN.update(measurement), reference, np.array([37.0, -21.5]))
+        np.testing.assert_allclose(
+            law.update(measurement, SEEN.update(measurement), reference), [37.0, -21.5]
+        )
     far = Reference(np.array([1.0, 0.0]), NONE, NONE, np.zeros(0))
     for tick in range(9, 3000):
-        effort = law.update(asked(tick)[0], None, far)
+        measurement, _ = asked(tick)
+        effort = law.update(measurement, SEEN.update(measurement), far)
     assert effort[0] == 150.0
     # held at the limit, the demand stands off it by what the integral gains in T_t
     assert law._x[0] + 460.0 < 150.0 + 1.0 * 15.0 + 460.0 * 0.02
@@ -219,7 +223,9 @@ def test_its_form_for_batches_gives_its_own_efforts() -> None:
         demand = form.law.demand[k] + form.law.from_state @ z + form.law.from_output @ y
         limit = form.law.integration.limit
         effort = np.clip(demand, -limit, limit)
-        np.testing.assert_allclose(it.law.update(measurement, None, reference), effort, atol=1e-9)
+        np.testing.assert_allclose(
+            it.law.update(measurement, SEEN.update(measurement), reference), effort, atol=1e-9
+        )
 
 
 @pytest.mark.parametrize(

@@ -101,3 +101,26 @@ def test_a_torque_that_is_shared_out_flies_in_a_batch_as_on_the_bench(
     }
     ready = prepare(study_of(flown=trial, batch=True, vary=vary))
     require_equal(ready, [0, 1, 3])
+
+
+@pytest.mark.parametrize("filtered", [False, True])
+def test_a_linear_law_on_body_axes_flies_in_a_batch_as_on_the_bench(
+    study_of: Callable[..., Study], filtered: bool
+) -> None:
+    """Gains between all axes, a filter of the rates, and an integral without anti-windup."""
+    rng = np.random.default_rng(3)
+    gains = np.hstack((20.0 * np.eye(3), 60.0 * np.eye(3))) + rng.uniform(-1.0, 1.0, (3, 6))
+    integral = np.hstack((np.eye(3), np.zeros((3, 3))))
+    system = {"a": (-0.01 * np.eye(3)).tolist(), "b": integral.tolist(), "c": np.eye(3).tolist(),
+              "d": gains.tolist()}  # fmt: skip
+    own = {"system": system, "tracking_time": None, "allocation": WHEELS, "gyroscopic": True}
+    trial = {
+        "duration": 4.0, "period": 0.05, "testbed": deepcopy(CRAFT), "active": "linear",
+        "plan": {"method": "reference_only", "goal": {"axis": [1.0, -0.6, 0.4], "angle": 0.2},
+                 "duration": 3.0},
+        "controllers": {"linear": own | ({"attitude": {}} if filtered else {})},
+        "schedule": [{"at": 1.0, "until": 1.5, "disturbance": {"wheel_two": 0.1}}],
+        "sensors": {"joint_velocity": {"noise": 1e-5}},
+    }  # fmt: skip
+    vary = {"testbed.platform.mass": {"uniform": [140.0, 160.0]}}
+    require_equal(prepare(study_of(flown=trial, batch=True, vary=vary)), [0, 1, 3])

@@ -1,7 +1,7 @@
 """Which controllers there are. A new one is a file that ends in its entry, and a line here.
 
-Offers: by_joint.integral_action, by_joint.pd_feedforward, controller, host, linear_form, lqr,
-probing.probed_controller, probing.running_law, proportional_integral,
+Offers: by_joint.integral_action, by_joint.pd_feedforward, by_joint.three_axes, controller, host,
+linear_form, lqr, probing.probed_controller, probing.running_law, proportional_integral,
 retargeting.disturbance_accommodating, retargeting.modal_space, sampled_loop,
 sliding.output_feedback, user_law.
 """

@@ -5,21 +5,22 @@ extended by its k states (Burke, Henrion, Lewis and Overton, HIFOO, IFAC ROCOND 
 So every controller is a constant gain, and every gradient is pulled back to K in one place.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from flexslew_control.analysis.loop import Complex
-from flexslew_control.analysis.lti import Lti, transfer
-from flexslew_control.analysis.minimal import minimal_part
+from flexslew_control.analysis.lti import transfer
 from flexslew_lab.analysis.separation import LinearPart, separated_parts
 from flexslew_plant.arrays import Matrix, Vector
 
 _LIMIT = 1e-6  # distance from the limit of stability, of one tick's or of the fastest pole
 _HIDDEN = 1e-11  # residue of a stable pole that nothing moves or sees, of the largest
 _ROUNDING = 1e-8  # response of hidden states on the limit, of the largest
-_SAME = 1e-9  # distance of a pole from itself, computed twice
+_SAME = 1e-9  # distance of a pole from itself, computed twice; rounding of directions
+_ABSENT = 1e-9  # rounding of a product that is zero, of its factors
 
 
 @dataclass(frozen=True)
@@ -87,16 +88,19 @@ class PerformancePlant:
         size = _markov(inner)
         if not len(circle.a) or _markov(circle) <= _ROUNDING * max(size, _markov(self)):
             return inner.visible()
-        outputs, inputs = self.d.shape
-        names = tuple(map(str, range(inputs))), tuple(map(str, range(outputs)))
-        states = tuple(map(str, range(len(circle.a))))
-        part = minimal_part(Lti(circle.a, circle.b, circle.c, 0.0 * self.d, *names, states,
-                                self.period))  # fmt: skip
+        part = _minimal(circle)
         seen = inner.visible()
         return replace(
             self, a=block_diag(seen.a, part.a), b=np.vstack((seen.b, part.b)),
             c=np.hstack((seen.c, part.c)),
         )  # fmt: skip
+
+    def trimmed(self) -> "PerformancePlant":
+        """Return it without states from which no way leads to an output, as unread memories."""
+        seen = self.c.any(axis=0)
+        while (more := seen | self.a[seen].any(axis=0)).sum() > seen.sum():
+            seen = more
+        return replace(self, a=self.a[np.ix_(seen, seen)], b=self.b[seen], c=self.c[:, seen])
 
     def visible(self) -> "PerformancePlant":
         """Return a stable plant without the poles whose residues are zero."""
@@ -106,7 +110,13 @@ class PerformancePlant:
         moved = np.linalg.norm(np.linalg.solve(right, self.b.astype(complex)), axis=1)
         residues = moved * np.linalg.norm(self.c @ right, axis=0)
         hidden = residues <= _HIDDEN * residues.max()
-        return _separated(self, values[hidden])[0] if hidden.any() else self
+        for k in np.flatnonzero(hidden):  # a part with poles that others share cannot be separated
+            hidden[k] = not (abs(values - values[k])[~hidden] <= _SAME).any()
+
+        def is_hidden(pole: complex) -> bool:
+            return bool(abs(values[hidden] - pole).min() <= _SAME)
+
+        return _separated(self, is_hidden)[0] if hidden.any() else self
 
     def closed(self, k: Matrix) -> "ClosedLoop":
         """Return the loop with u = K y."""
@@ -121,11 +131,15 @@ class PerformancePlant:
         return ClosedLoop(whole, len(self.a), self.period, left, right)
 
 
-def _on_limit(poles: Complex, period: float) -> Complex:
-    """Return the poles that are on the limit of stability, or beyond it."""
+def _on_limit(poles: Complex, period: float) -> Callable[[complex], bool]:
+    """Return whether a pole is on the limit of stability or beyond it, given all poles.
+
+    Rounding moves a multiple pole, so it is recognised by its place and not by its value.
+    """
     if period:
-        return poles[abs(poles) > 1.0 - _LIMIT]
-    return poles[poles.real > -_LIMIT * max(float(abs(poles).max(initial=0.0)), 1.0)]
+        return lambda pole: abs(pole) > 1.0 - _LIMIT
+    limit = -_LIMIT * max(float(abs(poles).max(initial=0.0)), 1.0)
+    return lambda pole: pole.real > limit
 
 
 def _markov(plant: PerformancePlant) -> float:
@@ -138,13 +152,35 @@ def _markov(plant: PerformancePlant) -> float:
     return size
 
 
+def _minimal(plant: PerformancePlant) -> PerformancePlant:
+    """Return the part of a plant with few states that its inputs move and its outputs see."""
+    n = (plant.a - np.eye(len(plant.a))) / plant.period if plant.period else plant.a
+    moved = _reached(n, plant.b)
+    seen = _reached((moved.T @ n @ moved).T, (plant.c @ moved).T)
+    way = moved @ seen
+    return replace(plant, a=way.T @ plant.a @ way, b=way.T @ plant.b, c=plant.c @ way)
+
+
+def _reached(a: Matrix, b: Matrix) -> Matrix:
+    """Return an orthonormal basis of what b, a b, a^2 b, ... span, each of norm one."""
+    columns = [b / np.linalg.norm(b)]
+    for _ in range(len(a) - 1):
+        more = a @ columns[-1]
+        size = np.linalg.norm(more)
+        if size <= _ABSENT * np.linalg.norm(a):
+            break
+        columns.append(more / size)
+    basis, sizes, _ = np.linalg.svd(np.hstack(columns), full_matrices=False)
+    return np.asarray(basis[:, sizes > _SAME * sizes[0]])
+
+
 def _separated(
-    plant: PerformancePlant, poles: Complex
+    plant: PerformancePlant, selects: Callable[[complex], bool]
 ) -> tuple[PerformancePlant, PerformancePlant]:
-    """Return the parts of a plant without and with the poles, whose sum is the plant."""
+    """Return the parts of a plant without and with the selected poles, whose sum is the plant."""
 
     def is_other(pole: complex) -> bool:
-        return bool(abs(poles - pole).min(initial=np.inf) > _SAME)
+        return not selects(pole)
 
     parts = separated_parts(LinearPart(plant.a, plant.b, plant.c), is_other)
     return replace(plant, **parts[0]._asdict()), replace(plant, **parts[1]._asdict())

@@ -72,14 +72,15 @@ class PidSystem:
 
     def prepared(self, plant: PerformancePlant) -> PerformancePlant:
         """Return the reduced plant with the controller's states."""
-        order = len(self._parts(self.start)[0])
+        order = len(self.parts(self.start)[0])
         return plant.reduced().extended(order)
 
     def values(self, x: Any) -> dict[str, Any]:
         """Return the parameters by label, in their units."""
         return {name: v * np.exp(e) for (name, v), e in zip(self._named, x, strict=True)}
 
-    def _parts(self, x: Any) -> Parts:
+    def parts(self, x: Any) -> Parts:
+        """Return A, B, C and D at parameters, continuous."""
         values, blocks = self.values(x), []
         for name, loop in self.settings.loops.items():
             blocks.append(_pid(values, name, loop))
@@ -96,11 +97,11 @@ class PidSystem:
 
     def matrix(self, x: Any) -> Any:
         """Return [[D, C], [B, A]], sampled."""
-        return held_gain(self._parts(x), self.period)
+        return held_gain(self.parts(x), self.period)
 
     def section(self, x: Vector) -> dict[str, Any]:
         """Return the keys of the law `linear`."""
-        return linear_section(self._parts(x), self.signals, self.efforts)
+        return linear_section(self.parts(x), self.signals, self.efforts)
 
 
 def _second_order(w: Any, z: Any, gain: Any) -> Parts:

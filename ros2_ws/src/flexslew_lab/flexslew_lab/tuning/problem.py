@@ -82,6 +82,8 @@ class TuningProblem:
     def growth(self, x: Vector) -> tuple[float, Vector]:
         """Return the largest growth rate of all models [1/s] and its gradient."""
         k, slopes = matrix_and_slopes(self.structure, x)
+        if not np.isfinite(slopes).all():  # a step so far that an exponential overflows
+            return np.inf, np.zeros_like(x)
         found = [self._of(stability, plant, k, slopes) for plant in self.stable]
         worst = max(found, key=lambda one: one.value)
         return worst.value, worst.gradient
@@ -89,6 +91,8 @@ class TuningProblem:
     def numbers(self, x: Vector) -> list[list[GoalNumber]]:
         """Return what every goal is on every model, by model and goal."""
         k, slopes = matrix_and_slopes(self.structure, x)
+        if not np.isfinite(slopes).all():
+            return [[GoalNumber(np.inf, np.nan, np.zeros_like(x))] * len(self.goals)]
         out = []
         for plant, goals in zip(self.stable, self.parts, strict=True):
             growing = self._of(stability, plant, k, slopes)

@@ -8,12 +8,21 @@ from flexslew_lab.gains.ensemble import gains_of
 from flexslew_lab.guarantee.model.parameters import uncertain_parameters
 from flexslew_lab.guarantee.model.situation import situation_at
 from flexslew_lab.trial.trial import Trial
+from flexslew_lab.tuning.body_axis_signals import body_axis_signals
 from flexslew_lab.tuning.channels import PlantChannels
 from flexslew_lab.tuning.goals import LoopPlaces, all_channels, stated_goals
+from flexslew_lab.tuning.kept_keys import kept_section
 from flexslew_lab.tuning.law_gains import LawGains, law_gains
+from flexslew_lab.tuning.parallel_system import ParallelSystem
 from flexslew_lab.tuning.pid_system import PidSystem
 from flexslew_lab.tuning.problem import TuningProblem, prepared_plant
-from flexslew_lab.tuning.settings import GainBlock, StateSpaceBlock, TuningSettings
+from flexslew_lab.tuning.settings import (
+    GainBlock,
+    ParallelBlock,
+    PidBlock,
+    StateSpaceBlock,
+    TuningSettings,
+)
 from flexslew_lab.tuning.structures import ControllerStructure, TridiagonalSystem
 from flexslew_plant.errors import BadInput
 
@@ -36,7 +45,7 @@ def tuning_problem(settings: TuningSettings, trial: Trial, source: str) -> Tunin
         first = next(iter(models.values()))
         # the signals of the structure exist
         first.between((), (), structure.signals, structure.efforts)
-        places = LoopPlaces(structure.efforts, _sensors(structure, first))
+        places = LoopPlaces(first.commanded(structure.efforts), first.sensors_of(structure.signals))
         goals = stated_goals(settings.goals, places, first)
         sources, targets = all_channels(goals)
         stable, parts = [], []
@@ -61,8 +70,14 @@ def structure_of(
     block = settings.structure
     if isinstance(block, StateSpaceBlock):
         return TridiagonalSystem(block, trial.period)
-    if not isinstance(block, GainBlock):
+    if isinstance(block, PidBlock):
         return PidSystem(block, trial.period)
+    if isinstance(block, ParallelBlock):
+        systems = tuple(
+            TridiagonalSystem(one, trial.period) if isinstance(one, StateSpaceBlock)
+            else PidSystem(one, trial.period) for one in block.systems
+        )  # fmt: skip
+        return ParallelSystem(systems, trial.period)
     return gains_structure(trial, settings.controller, block, point, source)
 
 
@@ -79,24 +94,17 @@ def gains_structure(
     return law_gains(form_of, keys)
 
 
-def _sensors(structure: ControllerStructure, channels: PlantChannels) -> tuple[str, ...]:
-    """Return the sensors that a structure reads."""
-    read = []
-    for text in structure.signals:
-        for part in text.split("+"):
-            kind, _, of = part.strip().partition(".")
-            read.append(f"{kind.replace('error_rate', 'rate').replace('error', 'position')}.{of}")
-    return tuple(name for name in dict.fromkeys(read) if name in channels.sensors)
-
-
 def _models(settings: TuningSettings, trial: Trial, point: Point) -> dict[str, PlantChannels]:
-    situation = situation_at(trial, point)
-    found = {}
+    situation, axes, found = situation_at(trial, point), None, {}
+    if not isinstance(settings.structure, GainBlock):
+        name = settings.controller
+        given = kept_section(name, trial.controllers.get(name))
+        axes = body_axis_signals(trial, name, given, point)
     for k, changes in enumerate(settings.models):
         if changes:  # refuses a name that is none
             uncertain_parameters(situation, {name: (0.0, 1.0) for name in changes})
         label = ", ".join(f"{name} {value:g}" for name, value in changes.items()) or "nominal"
         if label in found:
             raise BadInput("is there twice", key=f"models.{k + 1}", value=label)
-        found[label] = PlantChannels(situation.changed(changes).plant)
+        found[label] = PlantChannels(situation.changed(changes).plant, axes)
     return found

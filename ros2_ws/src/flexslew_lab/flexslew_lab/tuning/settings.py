@@ -143,6 +143,18 @@ class PidBlock:
     position_feedback: tuple[PositionFeedback, ...] = ()  # added to the efforts
 
 
+System: TypeAlias = Annotated[StateSpaceBlock | PidBlock, Field(discriminator="kind")]
+
+
+@section
+class ParallelBlock:
+    """Systems in parallel, for the law `linear`; efforts of the same name add up."""
+
+    kind: Literal["parallel"]
+    # of the kinds state_space and pid, as one for each axis
+    systems: Annotated[tuple[System, ...], Field(min_length=1)]
+
+
 @section
 class GainBlock:
     """Numbers of the law that the trial's controller runs."""
@@ -152,7 +164,7 @@ class GainBlock:
 
 
 Structure: TypeAlias = Annotated[
-    StateSpaceBlock | PidBlock | GainBlock, Field(discriminator="kind")
+    StateSpaceBlock | PidBlock | ParallelBlock | GainBlock, Field(discriminator="kind")
 ]
 
 

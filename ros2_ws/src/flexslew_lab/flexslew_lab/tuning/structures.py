@@ -162,7 +162,8 @@ class TridiagonalSystem:
         """Return the reduced plant with the controller's states."""
         return plant.reduced().extended(self.settings.order)
 
-    def _parts(self, x: Any) -> Parts:
+    def parts(self, x: Any) -> Parts:
+        """Return A, B, C and D at parameters, continuous."""
         s, n = self.settings, self.settings.order
         diagonal, above, below, b, c, d = np.split(x, np.cumsum(self._sizes)[:-1])
         inputs, outputs = (np.array(list(sizes.values())) for sizes in (s.inputs, s.outputs))
@@ -176,8 +177,8 @@ class TridiagonalSystem:
 
     def matrix(self, x: Any) -> Any:
         """Return [[D, C], [B, A]], sampled."""
-        return held_gain(self._parts(x), self.period)
+        return held_gain(self.parts(x), self.period)
 
     def section(self, x: Vector) -> dict[str, Any]:
         """Return the keys of the law `linear`."""
-        return linear_section(self._parts(x), self.signals, self.efforts)
+        return linear_section(self.parts(x), self.signals, self.efforts)

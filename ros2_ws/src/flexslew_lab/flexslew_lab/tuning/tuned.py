@@ -19,7 +19,8 @@ from flexslew_lab.analysis.trial_models import running_law_at
 from flexslew_lab.json_text import finite
 from flexslew_lab.notebook import trial as changed_trial
 from flexslew_lab.short_values import short
-from flexslew_lab.trial.trial import Trial, law_of
+from flexslew_lab.trial.trial import Trial
+from flexslew_lab.tuning.kept_keys import kept_section
 from flexslew_lab.tuning.problem import GoalNumber, TuningProblem
 from flexslew_lab.tuning.settings import GainBlock, MarginGoal
 from flexslew_lab.tuning.solve import StartOutcome, solve_starts
@@ -193,9 +194,7 @@ def trial_with(problem: TuningProblem, x: Vector) -> Trial:
     name = settings.controller
     given = dict(trial.controllers.get(name) or {})
     if not isinstance(settings.structure, GainBlock):
-        same = law_of(name, given)[0] == "linear"
-        left_out = ("law", "system", "file", "method", "prewarping")
-        given = {k: v for k, v in given.items() if same and k not in left_out}
+        given = kept_section(name, given)
     section = {**given, **problem.structure.section(x)}
     changes: dict[str, Any] = {"controllers": {**plain(trial)["controllers"], name: section}}
     if name not in trial.controllers:

@@ -30,7 +30,7 @@ from flexslew_control.linear.design_checks import (
     state_names,
 )
 from flexslew_control.shared_keys import DesignModel, TrackingTime
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Vector
 from flexslew_plant.settings import PerJoint, section
 
 
@@ -102,12 +102,12 @@ def linear(estimator: Estimator, law: Law, references: list[Reference]) -> Linea
     return form_on_axes(estimator, law, references, _form)
 
 
-def _form(law: Law, plan_efforts: Matrix) -> tuple[LinearForm, Gyroscopic | None] | None:
+def _form(law: Law, wanted: Reference) -> tuple[LinearForm, Gyroscopic | None] | None:
     if not isinstance(law, IntegralLaw):
         return None
     gains = law.deviation
     assert isinstance(gains, JointDeviation)
-    form = collocated_form(gains.kp, gains.ki, gains.kd, plan_efforts, law.integration)
+    form = collocated_form(gains.kp, gains.ki, gains.kd, wanted.effort, law.integration)
     return form, law.turning
 
 

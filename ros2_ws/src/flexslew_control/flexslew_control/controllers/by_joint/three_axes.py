@@ -135,7 +135,7 @@ def form_on_axes(
     estimator: Estimator,
     law: Law,
     references: list[Reference],
-    form_of: Callable[[Law, Matrix], tuple[LinearForm, Gyroscopic | None] | None],
+    form_of: Callable[[Law, Reference], tuple[LinearForm, Gyroscopic | None] | None],
 ) -> LinearForm | None:
     """Return what `Controlled.finished` has made of a law as matrices; None: there are none.
 
@@ -144,7 +144,7 @@ def form_on_axes(
         law: as finished.
         references: of the joints, tick by tick.
         form_of: returns the form of the law itself without its w x J w, and what adds that, from
-            the efforts of its plan, shape (ticks, axes).
+            its references in rows, each of shape (ticks, axes).
     """
     shared = attitude = flexible = None
     if isinstance(estimator, AttitudeEstimator):
@@ -159,7 +159,7 @@ def form_on_axes(
         wanted = law.requested(wanted)
         shared = SharedForm(law.allocator.numbers, wanted.position, wanted.velocity)
         law = law.law
-    found = form_of(law, wanted.effort)
+    found = form_of(law, wanted)
     if found is None:
         return None
     form, gyro_torque = found

@@ -1,47 +1,44 @@
 """Any linear time-invariant controller: x(k + 1) = A x + B w, u = u_ff + C x + D w, from a file.
 
-w are signals by name; see SIGNALS. A continuous one is discretised at the bench's period.
+w are signals by name; see law_signals. A continuous one is discretised at the bench's period.
 """
 
 from typing import Literal
 
 import numpy as np
+from scipy.linalg import block_diag
 
+from flexslew_control.allocation import Allocation, AllocationLaw
 from flexslew_control.analysis.linear_plant import PlantPath, sampled_plant
 from flexslew_control.analysis.loop import loop_of, unstable_poles
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.analysis.rest import rest_of
+from flexslew_control.controllers.by_joint.gyroscopic import Gyroscopic
+from flexslew_control.controllers.by_joint.three_axes import OF_TESTBED, control_axes, form_on_axes
 from flexslew_control.controllers.entry import LawEntry
+from flexslew_control.controllers.linear.law_signals import LawSignals, on_joints
 from flexslew_control.controllers.linear_form import (
     LinearForm,
     LinearObserver,
     no_integral,
     observed_form,
 )
-from flexslew_control.law import (
-    Estimate,
-    Estimator,
-    Law,
-    MeasuredJoints,
-    PlantDescription,
-    Reference,
+from flexslew_control.estimators.attitude_estimator import (
+    AttitudeFilterSettings,
+    joint_estimator,
 )
+from flexslew_control.law import Estimate, Estimator, Law, PlantDescription, Reference
 from flexslew_control.linear.design_checks import OperatingPoint
 from flexslew_control.shared_keys import DesignModel, TrackingTime
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import Positive, section
-from flexslew_plant.state_space import StateSpace, matrices
+from flexslew_plant.state_space import StateSpace
 from flexslew_plant.system_file import system_from_file
 from flexslew_plant.testbeds import design_testbed
 from flexslew_plant.testbeds.integration_error import steps_per_tick
-from flexslew_plant.testbeds.model import Model
 
-# of joints, then of appendages; error is the reference minus what is measured
-SIGNALS = ("error", "error_rate", "position", "rate", "reference", "reference_rate", "applied",
-           "tip", "curvature")  # fmt: skip
-_OF_APPENDAGES = ("tip", "curvature")
 _CLOSE = 1e-6  # above one: rounding of a motion that nothing holds
 _TRACKING_TIMES = 10.0  # time constants of the anti-windup in which a state may grow e-fold
 
@@ -59,32 +56,44 @@ class LinearSettings:
     model: DesignModel = None
     operating_point: OperatingPoint = None
     allow_unstable: bool = False  # fly it though the loop is not stable on that model
+    gyroscopic: bool = False  # add w x J w, beyond that of the plan, of a craft in three axes
+    # attitude and rates by gyro and star tracker; null: as the joints read them
+    attitude: AttitudeFilterSettings | None = None
+    # share the torque about the body axes, which the signals are then of, out among thrusters,
+    # wheels or gyros; null: its signals are those of the joints
+    allocation: Allocation | None = None
 
 
 class LinearLaw:
     """u = sat(u_ff + C x + D w), x+ = A x + B w + C^+ (sat(u) - u) h / T_t.
 
+    Its axes are the joints, or the body axes behind an AllocationLaw.
+
     Args:
-        system: discrete, from `raw` signals to all joints: see _folded.
-        limit: of the efforts, shape (joints,).
-        tracking_gain: C^+ h / T_t, shape (states, joints).
+        system: discrete, from the raw signals to all axes: see LawSignals.
+        limit: of the efforts, shape (axes,) [N m or N]; None: none.
+        tracking_gain: C^+ h / T_t, shape (states, axes).
         feedforward: whether the plan's effort is added.
+        turning: adds w x J w beyond that of the reference to u; None: nothing.
     """
 
     def __init__(
-        self, system: Lti, limit: Vector, tracking_gain: Matrix, feedforward: bool
-    ) -> None:
+        self, system: Lti, limit: Vector | None, tracking_gain: Matrix, feedforward: bool,
+        turning: Gyroscopic | None = None,
+    ) -> None:  # fmt: skip
         self.system, self.limit, self.back, self.feedforward = (
             system,
             limit,
             tracking_gain,
             feedforward,
         )
-        self._n, self._bounds = len(system.a), limit.tolist()
+        self.turning = turning
+        self.axes, self._n = len(system.c), len(system.a)
+        self._bounds = [] if limit is None else limit.tolist()
         self._map = np.block([[system.a, system.b], [system.c, system.d]])
         self._inverse = np.linalg.pinv(system.c)
         self._x = np.zeros(self._n)
-        self._none = np.zeros(limit.size)
+        self._none = np.zeros(self.axes)
         self.terms: dict[str, Vector] = {}
 
     def reset(
@@ -93,17 +102,25 @@ class LinearLaw:
         """Choose the smallest state such that the next effort is `effort`; at tick 0 it is zero."""
         self._x = np.zeros(self._n)
         if measurement.tick > 0 and self._n:
-            feedback = self._map[self._n :] @ self._raw(measurement, reference)
-            self._x = self._inverse @ (effort - feedback - self._feedforward(reference))
+            feedback = self._map[self._n :] @ self._raw(measurement, estimate, reference)
+            others = self._feedforward(reference)
+            if self.turning is not None:
+                others = others + self._gyroscopic_excess(self.turning, estimate, reference)
+            self._x = self._inverse @ (effort - feedback - others)
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
-        """Return the joint efforts within the limit, shape (joints,) [N m or N]."""
-        out = self._map @ self._raw(measurement, reference)
+        """Return the efforts within the limit, shape (axes,) [N m or N]."""
+        out = self._map @ self._raw(measurement, estimate, reference)
         n, feedforward = self._n, self._feedforward(reference)
         self._x, feedback = out[:n], out[n:]
         demand = feedforward + feedback
         self.terms = {"feedforward": feedforward, "linear": feedback}
-        if all(-b <= u <= b for u, b in zip(demand.tolist(), self._bounds, strict=True)):
+        if self.turning is not None:
+            excess = self._gyroscopic_excess(self.turning, estimate, reference)
+            self.terms["gyroscopic"] = excess
+            demand = demand + excess
+        within = all(-b <= u <= b for u, b in zip(demand.tolist(), self._bounds, strict=False))
+        if self.limit is None or within:
             return demand
         effort = np.clip(demand, -self.limit, self.limit)
         self._x = self._x + self.back @ (effort - demand)
@@ -112,30 +129,44 @@ class LinearLaw:
     def _feedforward(self, reference: Reference) -> Vector:
         return reference.effort if self.feedforward else self._none
 
-    def _raw(self, m: Measurement, r: Reference) -> Vector:
+    def _gyroscopic_excess(
+        self, gyro_torque: Gyroscopic, estimate: Estimate, reference: Reference
+    ) -> Vector:
+        return gyro_torque.limit_excess(estimate.velocity[: self.axes], reference.velocity)
+
+    def _raw(self, m: Measurement, e: Estimate, r: Reference) -> Vector:
+        k = self.axes
         return np.concatenate(
-            (self._x, m.joint_position, m.joint_velocity, m.tip_deflection, m.root_curvature,
+            (self._x, e.position[:k], e.velocity[:k], m.tip_deflection, m.root_curvature,
              m.applied_effort, r.position, r.velocity)
         )  # fmt: skip
 
 
 def build(settings: LinearSettings, plant: PlantDescription) -> tuple[Estimator, Law]:
-    """Return the estimator, which gives the measured joints, and the law.
+    """Return the estimator, which gives the joints, and the law.
 
     Raises:
         BadInput: if shapes, signals or period do not fit the bench, the loop is not stable on its
-            design model, or its anti-windup runs away.
+            design model, its anti-windup runs away, or gyroscopic, attitude or allocation is set
+            on a testbed that does not turn in three axes or lacks the sensors.
     """
-    model = plant.testbed.model()
-    system = _folded(settings, model, plant.period)
-    m, limit = len(plant.joint_names), plant.effort_limit
+    what = control_axes(plant, settings.allocation, settings.gyroscopic)
+    signals = LawSignals.of(what, plant.testbed.model().appendages.names)
+    system = _sampled(settings, signals, plant.period)
     share = 0.0 if settings.tracking_time is None else plant.period / settings.tracking_time
-    tracking_gain = np.asarray(share * np.linalg.pinv(system.c).reshape(-1, m), dtype=np.float64)
+    tracking_gain = np.asarray(
+        share * np.linalg.pinv(system.c).reshape(-1, len(what.names)), dtype=np.float64
+    )
     _require_stable_tracking(settings, system, tracking_gain)
-    law = LinearLaw(system, limit, tracking_gain, settings.feedforward)
+    # an allocation keeps the direction of a torque that is too large
+    unlimited = what.allocator is not None and not tracking_gain.any()
+    limit = None if unlimited else what.limit
+    law = LinearLaw(system, limit, tracking_gain, settings.feedforward, what.turning)
     if settings.system is not None and not settings.allow_unstable:
+        if what.allocator is not None and what.attitude is not None:
+            system = on_joints(system, signals, what.allocator, what.attitude)
         _require_stable(settings, plant, system)
-    return MeasuredJoints(), law
+    return joint_estimator(plant, settings.attitude), what.finished(law)
 
 
 def _require_stable_tracking(settings: LinearSettings, system: Lti, tracking_gain: Matrix) -> None:
@@ -161,55 +192,22 @@ def _require_stable_tracking(settings: LinearSettings, system: Lti, tracking_gai
         )
 
 
-def _folded(settings: LinearSettings, model: Model, period: float) -> Lti:
-    """Return the discrete system from [q, q', tips, curvatures, applied, q_d, q_d'] to all joints.
+def _sampled(settings: LinearSettings, signals: LawSignals, period: float) -> Lti:
+    """Return the discrete system from the raw signals to all outputs; see LawSignals.
 
     Raises:
         BadInput: see build.
     """
-    joints, appendages = model.joint_names, model.appendages.names
-    raw = raw_signals(joints, appendages)
-    m, given = len(joints), settings.system or StateSpace()
-    inputs = given.inputs or _default_inputs(given, joints)
-    outputs = given.outputs or joints
-    a, b, c, d = matrices(given, len(inputs), len(outputs))
+    given = settings.system or StateSpace()
+    parts = signals.matrices_of(given)
     if given.period and abs(given.period - period) > 1e-9 * period:
         raise BadInput(
             f"system.period: {given.period:g} s is not allowed: the bench ticks every {period:g} s;"
             " give a continuous system (0), or one of this period"
         )
-    if not given.period and len(a):
-        a, b, c, d = to_discrete(settings, a, b, c, d, period)
-    pick = np.array([_row(name, raw, joints, appendages) for name in inputs])
-    place = np.zeros((m, len(outputs)))
-    for k, name in enumerate(outputs):
-        joint = name.removeprefix("effort.")
-        if joint not in joints:
-            allowed = ", ".join(f"effort.{known}" for known in joints)
-            raise BadInput(f"system.outputs: {name} is not allowed: {allowed}")
-        if place[joints.index(joint)].any():
-            raise BadInput(f"system.outputs: {name} is there twice; give each joint one output")
-        place[joints.index(joint), k] = 1.0
-    pick = pick.reshape(len(inputs), len(raw))
-    states = tuple(f"x.{k + 1}" for k in range(len(a)))
-    efforts = tuple(f"effort.{joint}" for joint in joints)
-    return Lti(a, b @ pick, place @ c, place @ d @ pick, raw, efforts, states, period)
-
-
-def raw_signals(joints: tuple[str, ...], appendages: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the names of the inputs at a tick, in their order."""
-    of = {"position": joints, "rate": joints, "tip": appendages, "curvature": appendages,
-          "applied": joints, "reference": joints, "reference_rate": joints}  # fmt: skip
-    return tuple(f"{kind}.{name}" for kind, names in of.items() for name in names)
-
-
-def _default_inputs(given: StateSpace, joints: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the inputs of a system that names none."""
-    rows = given.b or given.d or ()
-    errors = tuple(f"error.{joint}" for joint in joints)
-    rates = tuple(f"error_rate.{joint}" for joint in joints)
-    count = len(rows[0]) if rows else 0
-    return (errors + rates)[:count] if count in (0, len(joints), 2 * len(joints)) else errors
+    if not given.period and len(parts[0]):
+        parts = to_discrete(settings, *parts, period)
+    return signals.connected(given, parts, period)
 
 
 def to_discrete(
@@ -232,26 +230,6 @@ def to_discrete(
         step = period if w is None else 2.0 * np.tan(0.5 * w * period) / w
         found = cont2discrete((a, b, c, d), step, "bilinear")
     return tuple(np.asarray(part, dtype=np.float64) for part in found[:4])  # type: ignore[return-value]
-
-
-def _row(
-    name: str, raw: tuple[str, ...], joints: tuple[str, ...], appendages: tuple[str, ...]
-) -> Vector:
-    """Return an input as a row over the raw signals."""
-    kind, _, of = name.partition(".")
-    known = appendages if kind in _OF_APPENDAGES else joints
-    if kind not in SIGNALS or of not in known:
-        allowed = [f"{k}.{n}" for k in SIGNALS for n in
-                 (appendages if k in _OF_APPENDAGES else joints)]  # fmt: skip
-        raise BadInput(f"system.inputs: {name} is not allowed: {', '.join(allowed)}")
-    row = np.zeros(len(raw))
-    if kind in ("error", "error_rate"):
-        rate = "_rate" if kind == "error_rate" else ""
-        row[raw.index(f"reference{rate}.{of}")] = 1.0
-        row[raw.index(f"{'rate' if rate else 'position'}.{of}")] = -1.0
-    else:
-        row[raw.index(name)] = 1.0
-    return row
 
 
 def _require_stable(settings: LinearSettings, plant: PlantDescription, system: Lti) -> None:
@@ -282,38 +260,74 @@ def _require_stable(settings: LinearSettings, plant: PlantDescription, system: L
         )
 
 
-def linear(estimator: Estimator, law: LinearLaw, references: list[Reference]) -> LinearForm | None:
-    """Return the law as matrices; see LawEntry. None: it listens to what batches do not know.
+def linear(estimator: Estimator, law: Law, references: list[Reference]) -> LinearForm | None:
+    """Return the law as matrices; see LawEntry. None: batches do not know what it reads.
+
+    Or the anti-windup of an allocated torque acts on states.
+    """
+    attitude = law.attitude if isinstance(law, AllocationLaw) else None
+    joints = references[0].position.size
+
+    def form_of(law: Law, wanted: Reference) -> tuple[LinearForm, Gyroscopic | None] | None:
+        assert isinstance(law, LinearLaw)
+        if attitude is None:
+            found = _form(law, wanted, np.eye(joints))
+        elif law.back.any():  # what it is held to is a torque, and batches keep efforts
+            found = None
+        else:
+            found = _form(law, wanted, attitude.rotation_vector_of(np.eye(joints)).T)
+        return None if found is None else (found, law.turning)
+
+    return form_on_axes(estimator, law, references, form_of)
+
+
+def _form(law: LinearLaw, wanted: Reference, turn: Matrix) -> LinearForm | None:
+    """Return a law as matrices of the measured joints.
 
     x(k) is split into what the references do, known beforehand, and an observer of the rest with
     A - back C, driven by its own demand within the limit: the anti-windup is in it.
+
+    Args:
+        law: on the joints or on body axes.
+        wanted: its references, tick by tick in rows.
+        turn: from the joints' positions to those of its axes, shape (axes, joints).
     """
-    s, m = law.system, law.limit.size
+    s, m = law.system, law.axes
     kinds = [name.partition(".")[0] for name in s.inputs]
     used = [bool(s.b[:, k].any() or s.d[:, k].any()) for k in range(len(kinds))]
     tips = [k for k, kind in enumerate(kinds) if kind == "tip"]
-    known = (
-        set(range(2 * m))
-        | set(tips[:1])
-        | {k for k, kind in enumerate(kinds) if kind.startswith("reference")}
-    )
+    r = [k for k, kind in enumerate(kinds) if kind.startswith("reference")]
+    known = {*range(2 * m), *tips[:1], *r}
     if any(use and k not in known for k, use in enumerate(used)):
         return None
-    y = [*range(2 * m), *(tips[:1] if tips and used[tips[0]] else ())]
-    r = [k for k, kind in enumerate(kinds) if kind.startswith("reference")]
+    if law.turning is not None and law.back.any():
+        return None
+    tip = tips[:1] if tips and used[tips[0]] else []
+    seen = block_diag(turn, turn, np.eye(len(tip)))
+    y = [*range(2 * m), *tip]
     a, b = s.a - law.back @ s.c, s.b - law.back @ s.d
     x, demand = np.zeros(len(a)), []
-    for one in references:
-        w = np.concatenate((one.position, one.velocity))
-        feedforward = one.effort if law.feedforward else np.zeros(m)
-        demand.append(feedforward + s.c @ x + s.d[:, r] @ w)
-        x = a @ x + b[:, r] @ w - law.back @ feedforward
+    feedforward = wanted.effort if law.feedforward else 0.0 * wanted.effort
+    for k, effort in enumerate(feedforward):
+        w = np.concatenate((wanted.position[k], wanted.velocity[k]))
+        demand.append(effort + s.c @ x + s.d[:, r] @ w)
+        x = a @ x + b[:, r] @ w - law.back @ effort
     n = len(a)
-    start, no_effort = np.zeros((n, len(y))), np.zeros((n, m))
-    observer = LinearObserver(start, a, no_effort, b[:, y], np.zeros(n), law.back)
-    form = observed_form(s.c, s.d[:, y], np.array(demand), observer)
-    integration = no_integral(m)._replace(limit=law.limit)
+    start, no_effort = np.zeros((n, seen.shape[1])), np.zeros((n, turn.shape[1]))
+    tracking = law.back if law.back.any() else np.zeros((0, 0))
+    observer = LinearObserver(start, a, no_effort, b[:, y] @ seen, np.zeros(n), tracking)
+    form = observed_form(s.c, s.d[:, y] @ seen, np.array(demand), observer)
+    integration = no_integral(m)
+    if law.limit is not None:
+        integration = integration._replace(limit=law.limit)
     return form._replace(law=form.law._replace(integration=integration))
 
 
-LINEAR = LawEntry("linear", LinearSettings, build, linear=linear, from_file=system_from_file)
+LINEAR = LawEntry(
+    "linear",
+    LinearSettings,
+    build,
+    linear=linear,
+    of_testbed=OF_TESTBED,
+    from_file=system_from_file,
+)
