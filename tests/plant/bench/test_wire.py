@@ -11,14 +11,11 @@ from flexslew_control.message_fields import answer_fields, state_bytes
 from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_plant.bench.records import Truth
 from flexslew_plant.bench.wire import (
-    RecorderProgress,
     Stamp,
     command_bytes,
     command_from,
     measurement_bytes,
     measurement_from,
-    recorder_status_bytes,
-    recorder_status_from,
     truth_bytes,
 )
 from flexslew_plant.errors import BadInput
@@ -71,16 +68,6 @@ def test_a_truth_is_sent(sizes: tuple[int, ...]) -> None:
     fields = truth._asdict()
     del fields["time"]
     assert_carries("PlantState", truth_bytes(truth), **fields)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_status_of_a_recorder_is_sent_and_received(name: str) -> None:
-    progress = RecorderProgress(name, 2**40, 3, 12_345, 2**63 - 5)
-    data = recorder_status_bytes(progress, 12.34)
-    assert_carries("RecorderStatus", data, **progress._asdict())
-    assert recorder_status_from(data) == progress
-    with pytest.raises(BadInput, match="no RecorderStatus"):
-        recorder_status_from(data[:30])
 
 
 @pytest.mark.parametrize("terms", [(), ("p",), ("feedforward", "proportional", "derivative")])

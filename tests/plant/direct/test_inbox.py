@@ -13,7 +13,7 @@ from flexslew_plant.graph.topics import LOOP_DEPTH
 from flexslew_plant.message_codec import HEAD
 
 numbers = count(1000 * os.getpid())  # of benches that nobody else has
-HEARD = {"/b/truth": "/truth", "/b/events": "/events", "/b/measurement": "/measurement"}
+HEARD = {"/b/truth": "/truth", "/b/events": "/events"}
 
 
 @pytest.fixture
@@ -58,19 +58,6 @@ def test_parts_come_in_their_order_under_the_recorder_s_names(
         ("/events", b"event"), ("/truth", b""), ("/truth", b"truth"), ("/truth", b"more"),
         ("/joint_states", b"over DDS"),
     ]  # fmt: skip
-
-
-def test_a_status_goes_to_the_plant_alone_and_to_none_that_has_left(
-    inbox: RecorderInput, place: bytes
-) -> None:
-    controller = greeted(inbox, place, "/b/events")
-    assert not inbox.acknowledge(b"status")
-    plant = greeted(inbox, place, "/b/truth", "/b/measurement")
-    assert inbox.acknowledge(b"status")
-    assert (plant.receive(), controller.receive()) == (b"status", None)
-    plant.close()
-    assert taken(inbox) == []
-    assert not inbox.acknowledge(b"status")
 
 
 def test_what_was_sent_before_the_end_of_a_publisher_is_taken(

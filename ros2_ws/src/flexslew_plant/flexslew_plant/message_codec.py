@@ -115,7 +115,6 @@ def packer(type_name: str) -> Callable[..., bytes]:
         BadInput: a field is a sequence of a nested type.
     """
     values, lines, sizes, arguments = list[str](), list[str](), list[str](), ["HEAD"]
-    names: dict[str, Any] = {"HEAD": HEAD, "asarray": np.asarray}
     for field in leaves(type_name):
         v = f"v{len(values)}"
         values.append(v)
@@ -129,9 +128,7 @@ def packer(type_name: str) -> Callable[..., bytes]:
         if not field.fixed and (field.array or field.code == "s"):
             sizes.append(f"n{v} := len({v})")
             arguments.append(f"n{v}")
-        if field.array:
-            names[f"{v}_type"] = np.dtype(f"<{field.code}")
-        arguments.append(f"asarray({v}, {v}_type).tobytes()" if field.array else v)
+        arguments.append(f"asarray({v}, '<{field.code}').tobytes()" if field.array else v)
     lines.append(f"layout = struct(({''.join(f'{size}, ' for size in sizes)}))")
     lines.append(f"return layout.pack({', '.join(arguments)})")
 
@@ -140,7 +137,7 @@ def packer(type_name: str) -> Callable[..., bytes]:
         rest = iter(sizes)
         return _struct(_items(fields(type_name), lambda at: next(rest)))
 
-    names["struct"] = struct
+    names: dict[str, Any] = {"HEAD": HEAD, "asarray": np.asarray, "struct": struct}
     exec("\n    ".join([f"def pack({', '.join(values)}):", *lines]), names)
     pack: Callable[..., bytes] = names["pack"]
     return pack

@@ -1,7 +1,6 @@
 """Passes on the recorder's messages of every tick, many at a time."""
 
 from array import array
-from collections.abc import Iterable
 
 from flexslew_msgs.msg import Recorded
 from rclpy.node import Node
@@ -33,16 +32,13 @@ class Rebroadcast:
         self._requested = False
         self._next = 0.0  # [wall s]
 
-    def receive(self, messages: Iterable[tuple[str, bytes]]) -> None:
-        """Take messages: topic and CDR."""
-        if not self._requested:
-            return
-        for topic, data in messages:
-            if topic in self._batches:
-                self._batches[topic].append(data)
-                self._size += len(data)
-                if self._size >= _BATCH_SIZE:
-                    self._send()
+    def receive(self, topic: str, data: bytes) -> None:
+        """Take a message."""
+        if self._requested and topic in self._batches:
+            self._batches[topic].append(data)
+            self._size += len(data)
+            if self._size >= _BATCH_SIZE:
+                self._send()
 
     def poll(self, now: float, last: bool = False) -> None:
         """Send what has waited for long enough, or everything where nothing comes after it."""

@@ -1,8 +1,11 @@
 """The `recorder` node: everything on the topics of the bench into one MCAP bag."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from time import monotonic
+
+from flexslew_msgs import msg
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.recording.recording import Recording
@@ -12,7 +15,6 @@ from flexslew_lab.ros.rebroadcast import Rebroadcast
 from flexslew_lab.ros.recorder.intake import MEASUREMENT_TOPIC, MessageSource
 from flexslew_lab.ros.recorder.namesakes import StatusFilter
 from flexslew_lab.ros.recorder.recorder_settings import RecorderSettings
-from flexslew_lab.ros.recorder.status import RecorderStatus
 from flexslew_plant.events import (
     Fact,
     RecordingEnded,
@@ -20,16 +22,18 @@ from flexslew_plant.events import (
     UnexpectedMessage,
     event_of,
 )
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.dead_nodes import GraphCleanup
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
+from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.node_process import run_node
+from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.parameters import handle_changes, new_node, settings_of
 
 _TAKE_EVERY = 0.005  # [wall s]
-_BUSY, _BUSY_EVERY = 20, 0.001  # messages at once: the plant flies fast, and waits for the log
-_BLOCK = 200  # messages between two statuses: half of the ticks for which the plant goes ahead
+_BUSY, _BUSY_EVERY = 20, 0.002  # messages at once: the plant flies fast, and waits for the log
 _ENDING = 3.0  # of a plant that is interrupted together with the recorder [wall s]
 
 _NOT_PLANT = "its sender is not the plant of this bench"
@@ -47,13 +51,13 @@ class Recorder:
         bag = open_bag(Path(self._settings.folder), json.loads(self._settings.metadata))
         self._recording = Recording(bag, lambda words: self._publish_event(RecordingEnded(words)))
         self._events = EventLog(node)
+        self._status = publisher(node, topics.RECORDER_STATUS)
         self._rebroadcast = Rebroadcast(node)
         self._order, self._warned = RecordingOrder(node.get_namespace()), set[str]()  # of topics
+        self._last_status = self._recording.safe
         self._exit_time: float | None = None  # interrupted: when to leave at the latest [wall s]
         self._next_check = 0.0  # for the plant [wall s]
         self._source = MessageSource(node, loop)
-        instance, acknowledge = self._alive.heartbeat.instance, self._source.acknowledge
-        self._status = RecorderStatus(node, instance, self._recording, acknowledge)
         self._status_filter = StatusFilter(self._alive.heartbeats)
         handle_changes(node, lambda changes: "")
         measurements = self._source.subscriptions[MEASUREMENT_TOPIC]
@@ -100,21 +104,36 @@ class Recorder:
         for topic in self._source.plant_only.unknown_items():
             name = TOPICS[topic].name
             self._publish_event(UnexpectedMessage(name, self.node.get_name(), _NOT_PLANT))
-        for first in range(0, len(messages), _BLOCK):
-            self._recording.write(*messages[first : first + _BLOCK])
-            self._status.publish(now, self._order.newest[1] * 1e-9)
+        for message in messages:
+            self._recording.write(message)
+            self._publish_status()
         self._recording.flush(now)
-        self._status.publish(now, self._order.newest[1] * 1e-9)
+        self._publish_status()
         self._rebroadcast.poll(now, last)
         return len(messages)
 
-    def _received(self, now: float, last: bool) -> list[tuple[str, bytes]]:
+    def _received(self, now: float, last: bool) -> Iterator[tuple[str, bytes]]:
         received = self._source.received(now, last)
-        messages = self._status_filter.filter_messages(received, now, last)
-        if not self._watch.seen:
-            self._watch.seen = any(topic == MEASUREMENT_TOPIC for topic, _ in messages)
-        self._rebroadcast.receive(messages)
-        return messages
+        for topic, data in self._status_filter.filter_messages(received, now, last):
+            self._watch.seen = self._watch.seen or topic == MEASUREMENT_TOPIC
+            self._rebroadcast.receive(topic, data)
+            yield topic, data
+
+    def _publish_status(self) -> None:
+        """Report the safe tick to the plant, which waits rather than lose more than a second."""
+        if self._recording.safe == self._last_status:
+            return
+        self._last_status = epoch, tick = self._recording.safe
+        self._status.publish(
+            msg.RecorderStatus(
+                stamp=stamp(self._order.newest[1] * 1e-9),
+                recorder=self.node.get_name(),
+                tick=tick,
+                epoch=epoch,
+                messages=self._recording.messages,
+                instance=self._alive.heartbeat.instance,
+            )
+        )
 
     def _publish_event(self, what: Fact) -> None:
         epoch, at = self._order.newest

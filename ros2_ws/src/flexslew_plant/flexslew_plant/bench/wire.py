@@ -14,7 +14,6 @@ from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.message_codec import layout_of, packer
 
 _MEASUREMENT, _COMMAND = "flexslew_msgs/msg/Measurement", "flexslew_msgs/msg/EffortCommand"
-_RECORDER_STATUS = "flexslew_msgs/msg/RecorderStatus"
 _FRAME = ""  # of a header
 
 
@@ -25,35 +24,21 @@ class Stamp(NamedTuple):
     nanosec: int
 
 
-class RecorderProgress(NamedTuple):
-    """What a recorder has handed to the system; see flexslew_msgs/RecorderStatus."""
-
-    recorder: str  # name of the node
-    tick: int  # of the last measurement
-    epoch: int
-    messages: int  # of all topics
-    instance: int  # of its heartbeat
-
-
 def stamp_of(seconds: float) -> Stamp:
     """Return simulated seconds as a stamp."""
-    return Stamp(*_stamp(seconds))
-
-
-def _stamp(seconds: float) -> tuple[int, int]:
-    return divmod(round(seconds * 1e9), 1_000_000_000)
+    return Stamp(*divmod(round(seconds * 1e9), 1_000_000_000))
 
 
 def measurement_bytes(m: Measurement) -> bytes:
     """Return the question as it goes over DDS."""
     tick, epoch, time, *fields = m
-    return packer(_MEASUREMENT)(*_stamp(time), _FRAME, tick, epoch, *fields)
+    return packer(_MEASUREMENT)(*stamp_of(time), _FRAME, tick, epoch, *fields)
 
 
 def truth_bytes(truth: Truth) -> bytes:
     """Return flexslew_msgs/PlantState as it goes over DDS."""
     tick, time, epoch, *fields = truth
-    return packer("flexslew_msgs/msg/PlantState")(*_stamp(time), _FRAME, tick, epoch, *fields)
+    return packer("flexslew_msgs/msg/PlantState")(*stamp_of(time), _FRAME, tick, epoch, *fields)
 
 
 def measurement_from(data: bytes, period: float) -> tuple[Measurement, Stamp]:
@@ -93,18 +78,3 @@ def command_from(data: bytes) -> EffortCommand:
             raise
     _, _, tick, epoch, effort, *instance = layout.numbers.unpack_from(data)
     return EffortCommand(tick, epoch, layout.texts[0], np.frombuffer(effort), *instance)
-
-
-def recorder_status_bytes(status: RecorderProgress, time: float) -> bytes:
-    """Return the status of a recorder as it goes over DDS, stamped with a simulated time [s]."""
-    return packer(_RECORDER_STATUS)(*_stamp(time), *status)
-
-
-def recorder_status_from(data: bytes) -> RecorderProgress:
-    """Return the status of a recorder.
-
-    Raises:
-        BadInput: these bytes are none.
-    """
-    layout = layout_of(_RECORDER_STATUS, data)
-    return RecorderProgress(layout.texts[0], *layout.numbers.unpack_from(data)[2:])

@@ -14,7 +14,6 @@ TOPICS = "topics"  # fact that a caller sends: absolute names of the topics that
 NODE, NAMESPACE, RECEIVED = "node", "namespace", "heard"
 PART = Struct("<BI")  # number of the topic, and how many bytes of CDR follow
 DDS_FLAG = 0x80  # added to the number of a topic: the message goes over DDS, too
-_OF_PLANT = "/measurement"  # the recorder's name of a topic that only a plant publishes
 
 
 class RecorderInput:
@@ -49,9 +48,8 @@ class RecorderInput:
             while (parts := line.receive()) is not None:
                 try:
                     for number, data in split(parts):
-                        if number < DDS_FLAG:
-                            yield names[number], data
-                        elif self._first(topic := names[number - DDS_FLAG], data, 1):
+                        topic = names[number % DDS_FLAG]
+                        if number < DDS_FLAG or self._first(topic, data, 1):
                             yield topic, data
                 except (struct.error, IndexError):  # no message of a publisher
                     line.close()
@@ -60,17 +58,6 @@ class RecorderInput:
         for topic, data in over_dds:
             if topic not in self._shared or self._first(topic, data, -1):
                 yield topic, data
-
-    def acknowledge(self, status: bytes) -> bool:
-        """Send a status of the recorder to publishers of measurements; return whether there is one.
-
-        Args:
-            status: CDR of a flexslew_msgs/RecorderStatus.
-        """
-        plants = [line for line, names in self._lines.items() if _OF_PLANT in names]
-        for line in plants:
-            line.send(status)
-        return bool(plants)
 
     def _first(self, topic: str, data: bytes, way: int) -> bool:
         """Return whether this is not the other copy of what came before; +1: line, -1: DDS."""
@@ -99,10 +86,10 @@ def split(parts: bytes) -> Iterator[tuple[int, bytes]]:
     Raises:
         struct.error: it ends within a part, or a part is no CDR.
     """
-    at, end, read, head = 0, len(parts), PART.unpack_from, PART.size
-    while at < end:
-        number, size = read(parts, at)
-        at += head + size
-        if at > end or not parts.startswith(HEAD, at - size):
+    at = 0
+    while at < len(parts):
+        number, size = PART.unpack_from(parts, at)
+        at += PART.size + size
+        if at > len(parts) or not parts.startswith(HEAD, at - size):
             raise struct.error
         yield number, parts[at - size : at]

@@ -1,14 +1,13 @@
 """Publishers that send to the recorder on a direct line and to all other listeners over DDS."""
 
 import os
-from collections.abc import Callable
 from math import inf
 from time import monotonic, sleep
 
 from rclpy.node import Node
 
 from flexslew_plant.direct.inbox import DDS_FLAG, NAMESPACE, NODE, PART, RECEIVED, TOPICS, split
-from flexslew_plant.direct.line import LARGEST, SLICE, DirectLine, call, facts
+from flexslew_plant.direct.line import LARGEST, DirectLine, call, facts
 from flexslew_plant.direct.names import RECORDER, address, direct
 from flexslew_plant.graph import topics
 from flexslew_plant.graph.topics import LOOP_DEPTH
@@ -18,7 +17,7 @@ from flexslew_plant.ros.outlet import DirectPublisher, LoopCounter
 _RETRY_PERIOD = 0.2  # until the recorder is called again [wall s]
 _CHECK_PERIOD = 0.1  # between two checks for other listeners [wall s]
 _KEPT = 16 * LOOP_DEPTH  # for a recorder that is held up; the plant waits for it long before that
-_BATCH_BYTES = 1 << 12  # sent at once while ticks follow each other, a few of them [B]
+_BATCH_BYTES = 1 << 13  # sent at once while ticks follow each other, a few of them [B]
 _CLOSE_TIMEOUT = 5.0  # for a recorder that takes nothing [wall s]
 
 
@@ -29,13 +28,9 @@ class DirectPublishers:
 
     Args:
         node: node that publishes.
-
-    Attributes:
-        on_status: takes the statuses that the recorder sends to a plant, as CDR.
     """
 
     def __init__(self, node: Node) -> None:
-        self.on_status: Callable[[bytes], None] = lambda data: None
         self._node, self._direct = node, direct(os.environ)
         measurement_topic = node.resolve_topic_name(topics.MEASUREMENT)
         self._address = address(node.context.get_domain_id(), measurement_topic, RECORDER)
@@ -76,27 +71,10 @@ class DirectPublishers:
         else:
             self.send()
             line.flush()
-            self._receive_status(line, 0.0)  # which detects that the recorder is gone
             if now >= self._next:
                 self._next = now + _CHECK_PERIOD
+                line.receive()  # which detects that the recorder is gone
                 self._choose()
-
-    def wait_for_status(self) -> bool:
-        """Wait for a status of the recorder, at most SLICE; return whether it has a line."""
-        if self._line is None or not self._recorder[0]:
-            return False
-        self.send()
-        self._line.flush()
-        self._receive_status(self._line, SLICE)
-        return True
-
-    def _receive_status(self, line: DirectLine, wait: float) -> None:
-        """Take what the recorder has sent: of several statuses the last one counts."""
-        newest, data = None, line.receive(wait)
-        while data is not None:
-            newest, data = data, line.receive()
-        if newest is not None:
-            self.on_status(newest)
 
     def turn(self) -> None:
         """Let the listeners be counted again: at each turn of the loop, or on demand."""

@@ -23,7 +23,6 @@ from flexslew_plant.ros.plant.diagnostics import Diagnostics
 from flexslew_plant.ros.plant.display import Display
 from flexslew_plant.ros.plant.exchange import ControllerLink, LocalController
 from flexslew_plant.ros.plant.parameters import DYNAMIC_PARAMETERS, PlantParameters
-from flexslew_plant.ros.plant.recorder_link import RecorderLink
 from flexslew_plant.ros.plant.report import PlantReport
 from flexslew_plant.ros.plant.services import Services
 from flexslew_plant.ros.plant.settings import PlantSettings
@@ -59,7 +58,7 @@ class Plant:
         self.display = Display(node, direct, bench, self._settings.display_rate)
         self.session.monitored = lambda: self._is_truth_received() or self.display.due(bench.tick)
         subscription(node, topics.CONTROLLER_STATUS, self.statuses.receive)
-        self._recorder = RecorderLink(node, direct, self.session, loop)
+        subscription(node, topics.RECORDER_STATUS, self._on_recorder)
         required = [self._link.measurements, self._truth]
         self._report = PlantReport(node, self.session, self._alive, s.progress, required)
         self._services = Services(node, self.session, self.statuses, loop, self.display.refresh)
@@ -80,7 +79,7 @@ class Plant:
         wait = min(wait, self._link.call(wait), self._services.poll(now))
         self._report.poll(now)
         self._diagnostics.poll(now)
-        return 0.0 if self._recorder.wait() else wait
+        return wait
 
     def interrupted(self) -> None:
         """Let the session report that the run ends early, and publish that."""
@@ -133,6 +132,12 @@ class Plant:
         self._link.add_controller(message.controller)
         self.session.receive(message.controller, message.ready, message.reason, message.instance)
         self.session.node_progress.received(message.controller, message.last_tick, message.epoch)
+
+    def _on_recorder(self, message: msg.RecorderStatus) -> None:
+        if self.session.heartbeats.counts(message.recorder, message.instance, monotonic()):
+            progress = self.session.node_progress
+            progress.received(message.recorder, message.tick, message.epoch, recorder=True)
+        self.loop.hurry()  # the bench may wait for just this
 
 
 def main() -> None:

@@ -2,10 +2,9 @@
 
 import os
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import TypeAlias
 
 import zstandard
 from mcap.records import Channel, McapRecord, Schema
@@ -31,8 +30,6 @@ __all__ = ["CHUNK_SIZE", "BagWriter", "RecordingStopped"]
 CHUNK_SIZE = 64 * 1024  # uncompressed [B]; what a kill -9 may cost
 _MESSAGE = struct.Struct("<BQHIQQ")
 _ENTRY = struct.Struct("<QQ")
-
-Message: TypeAlias = tuple[str, str, bytes, int]  # the arguments of BagWriter.write
 
 
 class _Track:
@@ -112,31 +109,22 @@ class BagWriter:
             RecordingStopped: the disk is full, or another failure of the system; the same again
                 at every later chunk.
         """
-        self.write_all(((topic, type_name, data, stamp),))
-
-    def write_all(self, messages: Iterable[Message]) -> None:
-        """Append messages, at a third of the time of as many calls of `write`.
-
-        Raises:
-            RecordingStopped: as `write`; the messages after the failure are not written.
-        """
         with atomic:
-            tracks, buffer, message, entry = self._tracks, self._buffer, _MESSAGE.pack, _ENTRY.pack
-            for topic, type_name, data, stamp in messages:
-                track = tracks.get(topic)
-                if track is None:
-                    track = self._new_track(topic, type_name)
-                if stamp <= self.last:
-                    stamp = self.last + 1
-                self.last = stamp
-                if self._chunk_start < 0:
-                    self._chunk_start = stamp
-                track.count = count = track.count + 1
-                track.entries += entry(stamp, len(buffer))
-                buffer += message(5, 22 + len(data), track.channel, count, stamp, stamp)
-                buffer += data
-                if len(buffer) > self._chunk_size:
-                    self.flush()
+            track = self._tracks.get(topic)
+            if track is None:
+                track = self._new_track(topic, type_name)
+            if stamp <= self.last:
+                stamp = self.last + 1
+            self.last = stamp
+            buffer = self._buffer
+            if self._chunk_start < 0:
+                self._chunk_start = stamp
+            track.count += 1
+            track.entries += _ENTRY.pack(stamp, len(buffer))
+            buffer += _MESSAGE.pack(5, 22 + len(data), track.channel, track.count, stamp, stamp)
+            buffer += data
+            if len(buffer) > self._chunk_size:
+                self.flush()
 
     def flush(self) -> None:
         """Hand the chunk in progress to the system, so that no end of this process loses it.

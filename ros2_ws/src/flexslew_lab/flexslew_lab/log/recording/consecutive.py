@@ -24,9 +24,6 @@ class TickSequence:
 
     def receive(self, epoch: int, tick: int, at: int) -> None:
         """Take a tick and its simulated time [ns]."""
-        if tick == self._next and epoch == self.whole[0] and not self._after_gap:  # the usual tick
-            self.whole, self._next = (epoch, at), tick + 1
-            return
         if epoch > self.whole[0] or not self.received:
             self._after_gap, self._next = {}, tick
         if epoch < self.whole[0] or tick < self._next:

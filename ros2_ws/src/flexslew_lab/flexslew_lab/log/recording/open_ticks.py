@@ -1,26 +1,27 @@
 """The ticks that a recorder still waits for: question received, but not yet all of its answer."""
 
-from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages import cdr
 from flexslew_plant.events import AnswerMissing, kind_of
+from flexslew_plant.message_codec import leading
 
 PATIENCE = 1.0  # that an answer is waited for [wall s]
-_COMMAND, _STATE = 1, 2  # bits of the two messages of an answer
-ANSWER_BITS = {"/effort_command": _COMMAND, "/controller_state": _STATE}
+_ANSWER_TOPICS = frozenset({"/effort_command", "/controller_state"})
+TRACKED_TOPICS = _ANSWER_TOPICS | {"/measurement", "/events"}
 _KEPT = 512  # ticks with a remembered end
 
 Key = tuple[int, int]  # epoch and tick
 
 
-@dataclass(slots=True)
+@dataclass
 class _Question:
     at: int  # simulated time [ns]
-    controller: bytes  # controller that must answer
+    controller: str  # controller that must answer
     since: float  # received at [wall s]
-    missing: int = _COMMAND | _STATE
+    missing: set[str] = field(default_factory=lambda: set(_ANSWER_TOPICS))
 
 
 class OpenTicks:
@@ -32,23 +33,36 @@ class OpenTicks:
 
     def __init__(self) -> None:
         self._open: dict[Key, _Question] = {}
-        # answers that came before their question
-        self._early = OrderedDict[tuple[Key, bytes], int]()
-        self._closed = OrderedDict[Key, bytes]()  # controller that has answered
-        self._stateless: set[bytes] = set()
+        self._pending_topics: dict[
+            tuple[Key, str], set[str]
+        ] = {}  # answers that came before their question
+        self._closed: dict[Key, str] = {}  # controller that has answered
+        self._stateless: set[str] = set()
 
-    def receive_event(self, data: bytes) -> None:
-        """Take an event: one that reports a missed tick closes it.
+    def receive(self, epoch: int, at: int, topic: str, data: bytes, now: float) -> None:
+        """Take a message.
 
         Args:
+            epoch: to which it belongs.
+            at: its simulated time in that epoch [ns].
+            topic: absolute name, one of FOLLOWED.
             data: CDR.
+            now: wall clock [s].
 
         Raises:
-            BadInput: it is no event.
+            BadInput: it is not of the topic's type.
+            struct.error: the same.
         """
-        event = cdr.decode("flexslew_msgs/msg/Event", data)
-        if event.kind == kind_of(AnswerMissing):
-            self._close((int(event.epoch), int(event.tick)))
+        if topic == "/events":
+            event = cdr.decode("flexslew_msgs/msg/Event", data)
+            if event.kind == kind_of(AnswerMissing):
+                self._close((int(event.epoch), int(event.tick)))
+            return
+        key, name = _key_and_name(topic, data)
+        if topic == "/measurement":
+            self._add_question(key, at, name, now)
+        else:
+            self._answer(key, name, topic)
 
     def first(self, now: float) -> tuple[int, int] | None:
         """Return epoch and time [ns] of the first tick that is not whole yet; None: there is none.
@@ -59,60 +73,52 @@ class OpenTicks:
         for key, question in list(self._open.items()):
             if now - question.since <= PATIENCE:
                 return key[0], question.at
-            if question.missing == _STATE:
+            if question.missing == {"/controller_state"}:
                 self._stateless.add(question.controller)
             self._close(key)
         return None
 
-    def ask(self, key: Key, name: bytes, at: int, now: float) -> None:
-        """Take a question.
-
-        Args:
-            key: its epoch and tick.
-            name: controller that must answer.
-            at: its simulated time in the epoch [ns].
-            now: wall clock [s].
-        """
+    def _add_question(self, key: Key, at: int, name: str, now: float) -> None:
         if not name or self._closed.get(key) == name:  # the brake needs no answer
             return
         known = self._open.get(key)
         if known is None or known.controller != name:
             question = _Question(at, name, known.since if known else now)
-            if self._early:
-                question.missing &= ~self._early.pop((key, name), 0)
+            question.missing -= self._pending_topics.pop((key, name), set())
             if name in self._stateless:
-                question.missing &= ~_STATE
+                question.missing.discard("/controller_state")
             self._open[key] = question
         if not self._open[key].missing:
             self._close(key)
 
-    def answer(self, key: Key, name: bytes, bit: int) -> None:
-        """Take an answer.
-
-        Args:
-            key: epoch and tick of its question.
-            name: controller that answers.
-            bit: of its topic, one of ANSWER_BITS.
-        """
-        if bit == _STATE:
+    def _answer(self, key: Key, name: str, topic: str) -> None:
+        if topic == "/controller_state":
             self._stateless.discard(name)
         question = self._open.get(key)
         if question is None or question.controller != name:
             if key not in self._closed:
-                self._early[key, name] = self._early.get((key, name), 0) | bit
-                _trim(self._early)
+                self._pending_topics.setdefault((key, name), set()).add(topic)
+                _trim(self._pending_topics)
             return
-        question.missing &= ~bit
+        question.missing.discard(topic)
         if not question.missing:
             self._close(key)
 
     def _close(self, key: Key) -> None:
         question = self._open.pop(key, None)
-        self._closed[key] = question.controller if question else b""
+        self._closed[key] = question.controller if question else ""
         _trim(self._closed)
 
 
-def _trim(kept: "OrderedDict[Any, Any]") -> None:
+def _trim(kept: dict[Any, Any]) -> None:
     """Forget the oldest entries."""
     while len(kept) > _KEPT:
-        kept.popitem(last=False)
+        del kept[next(iter(kept))]
+
+
+def _key_and_name(topic: str, data: bytes) -> tuple[Key, str]:
+    """Return epoch and tick, and the controller, of a question or an answer."""
+    head = leading(TOPICS[topic].type, "tick", "epoch", "controller")
+    tick, epoch, length = head.unpack_from(data)
+    name = data[head.size : head.size + length - 1]
+    return (int(epoch), int(tick)), name.decode(errors="replace")

@@ -1,14 +1,14 @@
 """A bag while a run fills it: what is written, what no kill can take any more, and until when."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.recording.bag_writer import Message, RecordingStopped
+from flexslew_lab.log.recording.bag_writer import RecordingStopped
 from flexslew_lab.log.recording.recording_order import Ordered, tick_and_epoch
 from flexslew_lab.log.recording.unfinished import BEFORE_START, StartedBag
 
 # A kill loses what the OS does not have: at most this, plus messages in transit.
-_FLUSH_AFTER, _FLUSH_TICKS = 0.5, 20  # [wall s], ticks
+_FLUSH_AFTER, _FLUSH_TICKS = 0.5, 25  # [wall s], ticks
 _OTHER_RUN = "holds the log of a run that was another one; choose another folder"
 
 
@@ -37,45 +37,39 @@ class Recording:
         """How many messages were taken so far."""
         return self._writer.messages
 
-    def write(self, *messages: Ordered) -> None:
-        """Write messages; in log time, an epoch begins where the one before has ended."""
+    def write(self, message: Ordered) -> None:
+        """Write a message; in log time, an epoch begins where the one before has ended."""
         if self._pending is None:
-            self._put(messages)
+            self._put(message)
             return
-        self._pending += messages
-        questions = (message for message in messages if message.topic == "/measurement")
-        if (first := next(questions, None)) is not None:
-            tick, epoch = tick_and_epoch(first.data)
+        self._pending.append(message)
+        if message.topic == "/measurement":
+            tick, epoch = tick_and_epoch(message.data)
             if (epoch, tick) < self._before:
                 self._stop(RecordingStopped(f"{self._writer.folder}: {_OTHER_RUN}"))
             self._decide()
 
     def _decide(self) -> None:
         waiting, self._pending = self._pending or [], None
-        self._put(waiting)
+        for message in waiting:
+            self._put(message)
 
-    def _put(self, messages: Sequence[Ordered]) -> None:
+    def _put(self, message: Ordered) -> None:
+        if (message.topic, message.data) in self._known_messages:
+            return
+        if message.epoch > self._offset[0]:
+            self._offset = message.epoch, self._writer.last - message.at
+        topic, at = message.topic, message.at + self._offset[1]
         if not self.stopped:
             try:
-                self._writer.write_all(self._in_log_time(messages))
+                self._writer.write(topic, TOPICS[topic].type, message.data, at)
             except RecordingStopped as error:
                 self._stop(error)
-        for message in reversed(messages):
-            if message.topic == "/measurement":
-                tick, epoch = tick_and_epoch(message.data)
-                self._written = epoch, tick
-                if epoch > self.safe[0] or tick >= self.safe[1] + _FLUSH_TICKS:
-                    self._flush()
-                return
-
-    def _in_log_time(self, messages: Sequence[Ordered]) -> Iterator[Message]:
-        """Yield what the bag does not contain yet, as the writer takes it."""
-        for epoch, at, _, topic, data in messages:
-            if self._known_messages and (topic, data) in self._known_messages:
-                continue
-            if epoch > self._offset[0]:
-                self._offset = epoch, self._writer.last - at
-            yield topic, TOPICS[topic].type, data, at + self._offset[1]
+        if topic == "/measurement":
+            tick, epoch = tick_and_epoch(message.data)
+            self._written = epoch, tick
+            if epoch > self.safe[0] or tick >= self.safe[1] + _FLUSH_TICKS:
+                self._flush()
 
     def flush(self, now: float) -> None:
         """Hand over what waits, if it has waited long enough at this wall time [s]."""

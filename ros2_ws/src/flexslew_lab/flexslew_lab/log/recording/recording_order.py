@@ -3,27 +3,25 @@
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
 from operator import itemgetter
-from struct import Struct, error
-from typing import NamedTuple, TypeAlias
+from struct import error
+from typing import NamedTuple
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.readable import can_read
 from flexslew_lab.log.recording.consecutive import TickSequence
-from flexslew_lab.log.recording.open_ticks import ANSWER_BITS, PATIENCE, Key, OpenTicks
+from flexslew_lab.log.recording.open_ticks import PATIENCE, TRACKED_TOPICS, OpenTicks
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 from flexslew_plant.graph.topics import DISPLAYED
 from flexslew_plant.message_codec import layout_of, leading
-from flexslew_plant.message_types import fields
 
-_QUESTION, _TRUTH = "/measurement", "/truth"
-_OF_PLANT = (_QUESTION, _TRUTH)  # their epoch counts
+_OF_PLANT = ("/measurement", "/truth")  # their epoch counts
 # Patience for the other of the two, once received, and for a tick between two [wall s]: on a
 # starved machine it comes late. A plant may publish no truth at all; for that PATIENCE is
 # enough.
 _SILENCE_TIMEOUT = 15.0
-_STATUS, _EVENTS = "/controller_status", "/events"
+_STATUS = "/controller_status"
 _FRAMES = frozenset({topics.TF, topics.TF_STATIC})  # of all benches of a domain
 _DISPLAY_TOPICS = tuple("/" + name.lstrip("/") for name in DISPLAYED)  # they have none
 _RANK = {topic: rank for rank, topic in enumerate(TOPICS)}
@@ -45,26 +43,7 @@ class _PendingMessages(NamedTuple):
     """Displayed messages from a tick 0 without a question yet, and after it."""
 
     since: float  # [wall s]
-    messages: list["_Timed"]
-
-
-# topic, simulated time [ns], CDR; of the messages of every tick epoch and tick, and controller
-_Timed: TypeAlias = tuple[str, int, bytes, Key | None, bytes]
-
-
-def _head(topic: str) -> Struct:
-    """Return what reads stamp, tick, epoch and one size from a message of every tick.
-
-    The size is that of the name of the controller, and of the positions in a truth.
-    """
-    type_name, stamp = TOPICS[topic].type, "stamp"
-    if fields(type_name)[0].name == "header":
-        stamp = "header.stamp"
-    last = "position" if topic == _TRUTH else "controller"
-    return leading(type_name, f"{stamp}.sec", f"{stamp}.nanosec", "tick", "epoch", last)
-
-
-_HEADS = {topic: _head(topic) for topic in (*_OF_PLANT, *ANSWER_BITS)}
+    messages: list[tuple[str, int, bytes]]
 
 
 class RecordingOrder:
@@ -109,13 +88,41 @@ class RecordingOrder:
             last: nothing will come any more.
         """
         horizon = self._horizon(now)
-        new_messages = self._with_times(messages)
-        for message in [*self._release_pending(now, last), *new_messages]:
-            topic, at, data, key, name = message
-            if key is not None:
-                self._place_tick(topic, at, data, key, name, now)
-            elif topic not in self._display_times or last or not self._is_pending(message, now):
-                self._place(topic, at, data)
+        new_messages, plant = [], self._plant
+        for topic, data in messages:
+            at = cdr.stamp_of(TOPICS[topic].type, data, self.newest[1])
+            if at < 0:  # no log has such a time
+                self.invalid_topics.add(topic)
+                continue
+            if topic in plant:
+                try:
+                    tick, epoch = tick_and_epoch(data, topic)
+                except error:
+                    self.invalid_topics.add(topic)
+                    continue
+                plant[topic].receive(epoch, tick, at)
+                if (epoch, at) >= self.newest:
+                    self.newest, self.tick = (epoch, at), tick
+            new_messages.append((topic, at, data))
+        new_messages = [*self._release_pending(now, last), *new_messages]
+        wait, multiple_epochs = self._waiting.append, self.newest[0] > 0
+        for topic, at, data in new_messages:
+            if topic in self._display_times and not last and self._is_pending(topic, at, data, now):
+                continue
+            try:
+                has_epoch = multiple_epochs or topic in self._display_times or topic == _STATUS
+                epoch = self._epoch(topic, at, data) if has_epoch else 0
+                if topic in _FRAMES and not of_namespace(data, self._namespace):
+                    continue
+                if not can_read(topic, data):
+                    self.invalid_topics.add(topic)
+                    continue
+                if topic in TRACKED_TOPICS:
+                    self._open.receive(epoch, at, topic, data, now)
+            except (error, BadInput):
+                self.invalid_topics.add(topic)
+                continue
+            wait(Ordered(epoch, at, _RANK[topic], topic, data))
         self._waiting.sort(key=_by_time)
         ready = len(self._waiting) if last else bisect_right(self._waiting, horizon, key=_time)
         open_tick = None if last else self._open.first(now)
@@ -123,63 +130,6 @@ class RecordingOrder:
             ready = min(ready, bisect_left(self._waiting, open_tick, key=_time))
         done, self._waiting = self._waiting[:ready], self._waiting[ready:]
         return done
-
-    def _with_times(self, messages: Iterable[tuple[str, bytes]]) -> list[_Timed]:
-        """Return the messages with their times; note which ticks of the plant have come."""
-        found, plant = list[_Timed](), self._plant
-        for topic, data in messages:
-            head = _HEADS.get(topic)
-            if head is None:
-                at = cdr.stamp_of(TOPICS[topic].type, data, self.newest[1])
-                if at >= 0:
-                    found.append((topic, at, data, None, b""))
-                else:  # no log has such a time
-                    self.invalid_topics.add(topic)
-                continue
-            try:
-                seconds, nanoseconds, tick, epoch, size = head.unpack_from(data)
-            except error:
-                self.invalid_topics.add(topic)
-                continue
-            at = seconds * 1_000_000_000 + nanoseconds
-            if at < 0:
-                self.invalid_topics.add(topic)
-                continue
-            if topic in plant:
-                plant[topic].receive(epoch, tick, at)
-                if (epoch, at) >= self.newest:
-                    self.newest, self.tick = (epoch, at), tick
-            found.append((topic, at, data, (epoch, tick), data[head.size : head.size + size - 1]))
-        return found
-
-    def _place_tick(
-        self, topic: str, at: int, data: bytes, key: Key, name: bytes, now: float
-    ) -> None:
-        """Take a message of a tick; see _Timed."""
-        if topic == _QUESTION:
-            self._open.ask(key, name, at, now)
-        elif topic != _TRUTH:
-            self._open.answer(key, name, ANSWER_BITS[topic])
-        epoch, newest = key[0], self.newest[0]
-        self._waiting.append(
-            Ordered(epoch if epoch < newest else newest, at, _RANK[topic], topic, data)
-        )
-
-    def _place(self, topic: str, at: int, data: bytes) -> None:
-        """Take another message, or leave it out."""
-        try:
-            epoch = self._epoch(topic, at, data)
-            if topic in _FRAMES and not of_namespace(data, self._namespace):
-                return
-            if not can_read(topic, data):
-                self.invalid_topics.add(topic)
-                return
-            if topic == _EVENTS:
-                self._open.receive_event(data)
-        except (error, BadInput):
-            self.invalid_topics.add(topic)
-            return
-        self._waiting.append(Ordered(epoch, at, _RANK[topic], topic, data))
 
     def _horizon(self, now: float) -> tuple[int, int]:
         """Return up to which time all messages of the plant have come, or are given up."""
@@ -197,22 +147,21 @@ class RecordingOrder:
             self._complete_until, self._progress_time = complete_until, now
         return complete_until if now - self._progress_time <= _SILENCE_TIMEOUT else self.newest
 
-    def _is_pending(self, message: _Timed, now: float) -> bool:
+    def _is_pending(self, topic: str, at: int, data: bytes, now: float) -> bool:
         """Keep displayed messages of a new epoch until its first question; return whether kept.
 
         A topic with a time back at tick 0, which is always shown, may come before the question:
         from a plant over DDS, or from a log that is played.
         """
-        topic, at = message[:2]
         epoch, before = self._display_times[topic]
         if topic not in self._pending:
             if at != 0 or before <= 0 or epoch < self.newest[0]:
                 return False
             self._pending[topic] = _PendingMessages(now, [])
-        self._pending[topic].messages.append(message)
+        self._pending[topic].messages.append((topic, at, data))
         return True
 
-    def _release_pending(self, now: float, last: bool) -> list[_Timed]:
+    def _release_pending(self, now: float, last: bool) -> list[tuple[str, int, bytes]]:
         """Return what was kept and has its epoch now, or was kept for long enough."""
         done = [
             topic
@@ -232,7 +181,7 @@ class RecordingOrder:
             epoch = newest if at < before or at == 0 else epoch
             self._display_times[topic] = epoch, at
             return epoch
-        if topic == _EVENTS:
+        if topic in _OF_PLANT or topic in TRACKED_TOPICS:
             return min(newest, tick_and_epoch(data, topic)[1])
         if topic == _STATUS:  # may come before the question with which its epoch begins
             return min(newest + 1, int(cdr.decode(TOPICS[topic].type, data).epoch))

@@ -1,6 +1,7 @@
 """The messages that a recorder receives on its socket and over DDS."""
 
 import os
+from collections.abc import Iterator
 
 from rclpy.node import Node
 
@@ -49,8 +50,8 @@ class MessageSource:
             where = address(node.context.get_domain_id(), measurement_topic, RECORDER)
             self._inbox = RecorderInput(where, names, listener_id)
 
-    def received(self, now: float, last: bool) -> list[tuple[str, bytes]]:
-        """Return topic and CDR of what has come.
+    def received(self, now: float, last: bool) -> Iterator[tuple[str, bytes]]:
+        """Yield topic and CDR of what has come.
 
         Args:
             now: [wall s].
@@ -64,16 +65,11 @@ class MessageSource:
             self._next_take = now
         elif now >= self._next_take:
             self._next_take = now + _TAKE_EVERY
-        messages = list(self._inbox.take(over_dds)) if self._inbox else over_dds
-        if messages:
+        for message in self._inbox.take(over_dds) if self._inbox else over_dds:
             self._last_received = now
-            if any(topic == MEASUREMENT_TOPIC for topic, _ in messages):
+            if message[0] == MEASUREMENT_TOPIC:
                 self._plant_here = now
-        return messages
-
-    def acknowledge(self, status: bytes) -> bool:
-        """Send a status to a plant with a line; return whether there is one."""
-        return self._inbox is not None and self._inbox.acknowledge(status)
+            yield message
 
     def has_pending(self, now: float, plant_here: bool) -> bool:
         """Return whether nodes that leave after the plant may still send messages."""

@@ -1,6 +1,6 @@
 """Leaves statuses out of a log: those of controllers with a name that belongs to another one."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from flexslew_lab.log.bag_layout import TOPICS
@@ -34,28 +34,26 @@ class StatusFilter:
 
     def filter_messages(
         self, messages: Iterable[tuple[str, bytes]], now: float, last: bool = False
-    ) -> list[tuple[str, bytes]]:
-        """Return topic and CDR of what is let in.
+    ) -> Iterator[tuple[str, bytes]]:
+        """Yield topic and CDR of what is let in.
 
         Args:
             messages: topic and CDR.
             now: [wall s].
             last: nothing will come any more, no signs of life either.
         """
-        admitted = list[tuple[str, bytes]]()
         stored, self._stored = self._stored, []
         for one in stored:
             if last or self._presence.counts(one.name, one.instance, now):
-                admitted.append((_STATUS, one.data))
+                yield _STATUS, one.data
             elif not self._presence.has_later_heartbeat(one.name, one.instance, one.since, now):
                 self._stored.append(one)
-        for message in messages:
-            status = _status(now, message[1]) if message[0] == _STATUS else None
+        for topic, data in messages:
+            status = _status(now, data) if topic == _STATUS else None
             if status is None or self._presence.counts(status.name, status.instance, now):
-                admitted.append(message)
+                yield topic, data
             else:
                 self._stored.append(status)
-        return admitted
 
 
 def _status(now: float, data: bytes) -> _StoredStatus | None:
