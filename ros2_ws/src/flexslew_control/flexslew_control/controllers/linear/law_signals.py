@@ -62,8 +62,8 @@ class LawSignals(NamedTuple):
             BadInput: if there is no such signal.
         """
         kind, _, of = name.partition(".")
-        if kind not in SIGNALS or of not in self._known(kind):
-            allowed = ", ".join(f"{k}.{n}" for k in SIGNALS for n in self._known(k))
+        if kind not in SIGNALS or of not in self._names_of(kind):
+            allowed = ", ".join(f"{k}.{n}" for k in SIGNALS for n in self._names_of(k))
             raise BadInput(f"system.inputs: {name} is not allowed: {allowed}")
         raw = self.raw
         row = np.zeros(len(raw))
@@ -78,7 +78,7 @@ class LawSignals(NamedTuple):
             row[raw.index(name)] = 1.0
         return row
 
-    def _known(self, kind: str) -> tuple[str, ...]:
+    def _names_of(self, kind: str) -> tuple[str, ...]:
         return self.appendages if kind in _OF_APPENDAGES else self.axes
 
     def inputs_of(self, given: StateSpace) -> tuple[str, ...]:

@@ -27,24 +27,7 @@ def solve_rows(a: Matrix, b: Matrix) -> Matrix:
     """
     left, right = a.copy(), b.copy()
     n, m = right.shape
-    for j in range(n):
-        pivot = j
-        for i in range(j + 1, n):
-            pivot = i if abs(left[i, j]) > abs(left[pivot, j]) else pivot
-        for k in range(n):
-            kept = left[j, k] * 1.0
-            left[j, k] = left[pivot, k]
-            left[pivot, k] = kept
-        for k in range(m):
-            kept = right[j, k] * 1.0
-            right[j, k] = right[pivot, k]
-            right[pivot, k] = kept
-        for i in range(j + 1, n):
-            factor = left[i, j] / left[j, j]
-            for k in range(n):
-                left[i, k] -= factor * left[j, k]
-            for k in range(m):
-                right[i, k] -= factor * right[j, k]
+    _eliminate(left, right)
     for i in range(n - 1, -1, -1):
         for k in range(m):
             for j in range(i + 1, n):
@@ -55,21 +38,42 @@ def solve_rows(a: Matrix, b: Matrix) -> Matrix:
 
 def determinant(a: Matrix) -> float:
     """Return the determinant of a, shape (n, n), by the same elimination."""
-    left, n, found = a.copy(), len(a), 1.0
+    left = a.copy()
+    found = _eliminate(left, np.zeros((len(a), 0)))
+    for j in range(len(a)):
+        found *= left[j, j]
+    return found
+
+
+def _eliminate(left: Matrix, right: Matrix) -> float:
+    """Make a matrix upper triangular by row operations; return the sign of its row exchanges.
+
+    Args:
+        left: shape (n, n); overwritten.
+        right: to which the same operations apply, shape (n, m); overwritten.
+    """
+    n, m = right.shape
+    sign = 1.0
     for j in range(n):
         pivot = j
         for i in range(j + 1, n):
             pivot = i if abs(left[i, j]) > abs(left[pivot, j]) else pivot
-        found *= left[pivot, j] if pivot == j else -left[pivot, j]
+        sign = sign if pivot == j else -sign
         for k in range(n):
             kept = left[j, k] * 1.0
             left[j, k] = left[pivot, k]
             left[pivot, k] = kept
+        for k in range(m):
+            kept = right[j, k] * 1.0
+            right[j, k] = right[pivot, k]
+            right[pivot, k] = kept
         for i in range(j + 1, n):
             factor = left[i, j] / left[j, j] if left[j, j] != 0.0 else 0.0
             for k in range(n):
                 left[i, k] -= factor * left[j, k]
-    return found
+            for k in range(m):
+                right[i, k] -= factor * right[j, k]
+    return sign
 
 
 def pseudo_inverse(a: Matrix, cutoff: float) -> Matrix:
