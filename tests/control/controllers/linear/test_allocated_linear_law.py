@@ -1,5 +1,6 @@
 """Law `linear` with an allocation: it turns an observatory by torques about the body axes."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +42,27 @@ def built(section: dict[str, Any]) -> Any:
     return build_controller("pointing", law, settings, plant_of(trial), "here")
 
 
-def test_gains_alone_fly_as_the_attitude_law_that_they_are() -> None:
-    ours, theirs = (fs.fly(pointing(section))["position"] for section in (LAW, THE_SAME))
+def with_gyros(section: dict[str, Any]) -> Trial:
+    """Return a turn by control moment gyros, by this controller alone."""
+    gyros = {"kind": "control_moment_gyros", "null_motion": 0.05}
+    section = {**section, "attitude": None, "allocation": gyros}
+    plan = {"method": "input_shaping", "goal": {"axis": [1.0, 1.0, 0.5], "angle": 0.3}}
+    return fs.trial("control_moment_gyros", {
+        "duration": 12.0, "plan": {**plan, "duration": 8.0},
+        "controllers": {"pointing": section}, "active": "pointing",
+    })  # fmt: skip
+
+
+def with_thrusters(section: dict[str, Any]) -> Trial:
+    """Return the same small turn by thrusters."""
+    return pointing({**section, "allocation": {"kind": "thrusters"}})
+
+
+@pytest.mark.parametrize("trial", [pointing, with_thrusters, with_gyros])
+def test_gains_alone_fly_as_the_attitude_law_that_they_are(
+    trial: Callable[[dict[str, Any]], Trial],
+) -> None:
+    ours, theirs = (fs.fly(trial(section))["position"] for section in (LAW, THE_SAME))
     assert abs(theirs).max() > 0.02
     np.testing.assert_allclose(ours, theirs, atol=1e-9)
 
