@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 from threading import Timer
+from time import sleep
 
 import numpy as np
 import pytest
@@ -64,5 +65,11 @@ def test_a_signal_at_any_moment_of_the_start_ends_the_node(
         )  # fmt: skip
         timer = Timer(float(case.uniform(0.0, 3.0)), child.send_signal, (strength,))
         timer.start()
-        _, said = child.communicate(timeout=120.0)
+        try:
+            _, said = child.communicate(timeout=120.0)
+        except subprocess.TimeoutExpired:
+            child.send_signal(signal.SIGUSR1)  # it writes its stacks without Python
+            sleep(2.0)
+            child.kill()
+            pytest.fail(f"{strength!r} has not ended it: {child.communicate()[1]}")
     assert child.returncode in (130, -strength), said
