@@ -130,8 +130,8 @@ def thruster_efforts(thrusters: ThrusterNumbers, member: int, torque: Vector, ou
     is_best = cost <= cost.min() * (1.0 + _EQUAL)
     count = is_best.sum()
     for s in range(subsets):
-        for i in range(3):
-            if is_best[s]:
+        if is_best[s]:
+            for i in range(3):
                 out[thrusters.thruster_indices[s, i]] += max(forces[s, i], 0.0) / count
     share = 1.0
     for i in range(out.size):

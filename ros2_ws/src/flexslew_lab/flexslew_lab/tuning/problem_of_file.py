@@ -68,17 +68,18 @@ def structure_of(
         BadInput: if the law has no such numbers, or is not affine in them.
     """
     block = settings.structure
-    if isinstance(block, StateSpaceBlock):
-        return TridiagonalSystem(block, trial.period)
-    if isinstance(block, PidBlock):
-        return PidSystem(block, trial.period)
+    if isinstance(block, StateSpaceBlock | PidBlock):
+        return _system(block, trial.period)
     if isinstance(block, ParallelBlock):
-        systems = tuple(
-            TridiagonalSystem(one, trial.period) if isinstance(one, StateSpaceBlock)
-            else PidSystem(one, trial.period) for one in block.systems
-        )  # fmt: skip
+        systems = tuple(_system(one, trial.period) for one in block.systems)
         return ParallelSystem(systems, trial.period)
     return gains_structure(trial, settings.controller, block, point, source)
+
+
+def _system(block: StateSpaceBlock | PidBlock, period: float) -> TridiagonalSystem | PidSystem:
+    if isinstance(block, StateSpaceBlock):
+        return TridiagonalSystem(block, period)
+    return PidSystem(block, period)
 
 
 def gains_structure(

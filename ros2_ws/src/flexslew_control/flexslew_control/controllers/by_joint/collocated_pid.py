@@ -102,12 +102,12 @@ def linear(estimator: Estimator, law: Law, references: list[Reference]) -> Linea
     return form_on_axes(estimator, law, references, _form)
 
 
-def _form(law: Law, wanted: Reference) -> tuple[LinearForm, Gyroscopic | None] | None:
+def _form(law: Law, reference: Reference) -> tuple[LinearForm, Gyroscopic | None] | None:
     if not isinstance(law, IntegralLaw):
         return None
     gains = law.deviation
     assert isinstance(gains, JointDeviation)
-    form = collocated_form(gains.kp, gains.ki, gains.kd, wanted.effort, law.integration)
+    form = collocated_form(gains.kp, gains.ki, gains.kd, reference.effort, law.integration)
     return form, law.turning
 
 

@@ -108,11 +108,11 @@ def linear(estimator: Estimator, law: Law, references: list[Reference]) -> Linea
     return form_on_axes(estimator, law, references, _form)
 
 
-def _form(law: Law, wanted: Reference) -> tuple[LinearForm, Gyroscopic | None] | None:
+def _form(law: Law, reference: Reference) -> tuple[LinearForm, Gyroscopic | None] | None:
     if not isinstance(law, PdFeedforward):
         return None
     none, integration = np.zeros(law.kp.size), no_integral(law.kp.size)
-    return collocated_form(law.kp, none, law.kd, wanted.effort, integration), law.turning
+    return collocated_form(law.kp, none, law.kd, reference.effort, integration), law.turning
 
 
 PD_FEEDFORWARD = LawEntry(
