@@ -8,7 +8,7 @@ from flexslew_control.controllers.controller import Answer
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.plan import Plan
 from flexslew_control.plans.plan_file import plan_hash
-from flexslew_plant.arrays import Matrix
+from flexslew_plant.arrays import EMPTY, Matrix
 from flexslew_plant.bench.wire import Stamp
 from flexslew_plant.errors import BadInput
 from flexslew_plant.message_codec import packer
@@ -40,7 +40,7 @@ def answer_fields(answer: Answer) -> dict[str, Any]:
         "nis": estimate.nis,
         "effort": command.effort,
         "term_names": list(terms),
-        "terms": np.concatenate([*terms.values(), np.zeros(0)]),
+        "terms": np.concatenate([*terms.values()]) if terms else EMPTY,
     }
 
 

@@ -128,7 +128,7 @@ def packer(type_name: str) -> Callable[..., bytes]:
         if not field.fixed and (field.array or field.code == "s"):
             sizes.append(f"n{v} := len({v})")
             arguments.append(f"n{v}")
-        arguments.append(f"asarray({v}, '<{field.code}').tobytes()" if field.array else v)
+        arguments.append(f"asarray({v}, {field.code}).tobytes()" if field.array else v)
     lines.append(f"layout = struct(({''.join(f'{size}, ' for size in sizes)}))")
     lines.append(f"return layout.pack({', '.join(arguments)})")
 
@@ -138,6 +138,7 @@ def packer(type_name: str) -> Callable[..., bytes]:
         return _struct(_items(fields(type_name), lambda at: next(rest)))
 
     names: dict[str, Any] = {"HEAD": HEAD, "asarray": np.asarray, "struct": struct}
+    names |= {code: np.dtype(f"<{code}") for code in "?bBhHiIqQfd"}
     exec("\n    ".join([f"def pack({', '.join(values)}):", *lines]), names)
     pack: Callable[..., bytes] = names["pack"]
     return pack

@@ -7,6 +7,7 @@ import numpy as np
 from flexslew_control.analysis.rest import rest_of
 from flexslew_control.analysis.signals import in_control, inputs_of, outputs_of
 from flexslew_plant.arrays import Vector
+from flexslew_plant.hardware.sensors import exact_readings
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.model import Model
 
@@ -44,10 +45,4 @@ def start_of(testbed: Testbed, joints: dict[str, float] | None = None) -> Vector
 def sensor_outputs(model: Model, x: Any, effort: Any, t: float) -> Vector:
     """Return what the sensors read of a state, in the order of signals.outputs_of."""
     x, effort = np.asarray(x, dtype=np.float64), np.asarray(effort, dtype=np.float64)
-    position, rate = model.joint_state(x)
-    modes, rates = model.modal_state(x)
-    tips = model.appendages
-    tip = tips.reading(modes, rates)
-    if tips.exact_reading is not None:
-        tip = tip + tips.exact_reading(x, model.derivative(x, effort, t), t)
-    return np.concatenate((position, rate, tip, tips.curvature @ modes))
+    return np.concatenate(exact_readings(model, x, effort, t))

@@ -98,6 +98,7 @@ class Controller:
         self._attitude = attitude
         self.name, self.joint_names, self.period = name, joint_names, period
         self._estimator, self._law = estimator, law
+        self._has_remarks = hasattr(law, "remarks")  # events of its last update
         # receives the plan's reference, where the estimator uses it
         self._expect: Callable[[Reference], None] | None = getattr(estimator, "expect", None)
         # receives the references to come, where the law uses them
@@ -318,9 +319,10 @@ class Controller:
             return None
         seen: Measurement | None = None
         if key > self._key:
-            is_next = key == (self._key[0], self._key[1] + 1) and not self._was_reset
+            epoch, last_tick = self._key
+            is_next = tick == last_tick + 1 and key[0] == epoch and not self._was_reset
             self._was_reset = False
-            self.begin_epoch(measurement.epoch)
+            self.begin_epoch(key[0])
             self._key = key
             self._answer = None
             if not is_next:
@@ -331,8 +333,7 @@ class Controller:
                 self._expect(self.reference(tick))
             first, self._is_new = self._is_new, False
             # before a later flight, too, the others have their plan already
-            join_tick = max(tick, int(measurement.epoch > 0))
-            self._join_tick = join_tick if first else self._join_tick
+            self._join_tick = max(tick, int(key[0] > 0)) if first else self._join_tick
             seen = self._relative_measurement(measurement)
             if not is_next:
                 self._estimator.reset(seen)
@@ -405,8 +406,9 @@ class Controller:
         if self._preview is not None:
             self._preview(self.reference, measurement.tick)
         effort = self._law.update(measurement, estimate, reference)
-        for what in getattr(self._law, "remarks", ()):
-            self._queue_event(what, measurement)
+        if self._has_remarks:
+            for what in getattr(self._law, "remarks", ()):
+                self._queue_event(what, measurement)
         if takes_over:
             self._handover_tick = measurement.tick
             # at tick 0 there is no predecessor to blend out
@@ -488,9 +490,5 @@ def _mismatch(words: str) -> Refusal:
 
 def _finite(estimate: Estimate) -> bool:
     """Return whether a law can work with the estimate."""
-    numbers = (
-        *estimate.position.tolist(),
-        *estimate.velocity.tolist(),
-        *estimate.innovation.tolist(),
-    )
-    return isfinite(hypot(*numbers))
+    position, velocity, _, _, innovation, _ = estimate
+    return isfinite(hypot(*position.tolist(), *velocity.tolist(), *innovation.tolist()))

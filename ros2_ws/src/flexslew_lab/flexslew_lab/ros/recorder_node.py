@@ -5,8 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from time import monotonic
 
-from flexslew_msgs import msg
-
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.recording.recording import Recording
 from flexslew_lab.log.recording.recording_order import RecordingOrder
@@ -15,6 +13,7 @@ from flexslew_lab.ros.rebroadcast import Rebroadcast
 from flexslew_lab.ros.recorder.intake import MEASUREMENT_TOPIC, MessageSource
 from flexslew_lab.ros.recorder.namesakes import StatusFilter
 from flexslew_lab.ros.recorder.recorder_settings import RecorderSettings
+from flexslew_plant.bench.wire import RecorderProgress, progress_bytes
 from flexslew_plant.events import (
     Fact,
     RecordingEnded,
@@ -27,13 +26,13 @@ from flexslew_plant.ros.dead_nodes import GraphCleanup
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
-from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.parameters import handle_changes, new_node, settings_of
 
 _TAKE_EVERY = 0.005  # [wall s]
 _BUSY, _BUSY_EVERY = 20, 0.002  # messages at once: the plant flies fast, and waits for the log
+_STATUS_PERIOD = 0.1  # of statuses over DDS while the plant is on a line [wall s]
 _ENDING = 3.0  # of a plant that is interrupted together with the recorder [wall s]
 
 _NOT_PLANT = "its sender is not the plant of this bench"
@@ -55,6 +54,7 @@ class Recorder:
         self._rebroadcast = Rebroadcast(node)
         self._order, self._warned = RecordingOrder(node.get_namespace()), set[str]()  # of topics
         self._last_status = self._recording.safe
+        self._progress, self._next_status = b"", 0.0  # to go over DDS, and when [wall s]
         self._exit_time: float | None = None  # interrupted: when to leave at the latest [wall s]
         self._next_check = 0.0  # for the plant [wall s]
         self._source = MessageSource(node, loop)
@@ -106,9 +106,11 @@ class Recorder:
             self._publish_event(UnexpectedMessage(name, self.node.get_name(), _NOT_PLANT))
         for message in messages:
             self._recording.write(message)
-            self._publish_status()
+            self._report_progress(now)
         self._recording.flush(now)
-        self._publish_status()
+        self._report_progress(now)
+        if self._progress and (last or now >= self._next_status):
+            self._publish_progress(now)
         self._rebroadcast.poll(now, last)
         return len(messages)
 
@@ -119,21 +121,24 @@ class Recorder:
             self._rebroadcast.receive(topic, data)
             yield topic, data
 
-    def _publish_status(self) -> None:
-        """Report the safe tick to the plant, which waits rather than lose more than a second."""
+    def _report_progress(self, now: float) -> None:
+        """Report the safe tick to the plant, which waits rather than lose more than a second.
+
+        The plant receives it on its line. DDS costs it a hundred times as much, and has it less
+        often then.
+        """
         if self._recording.safe == self._last_status:
             return
         self._last_status = epoch, tick = self._recording.safe
-        self._status.publish(
-            msg.RecorderStatus(
-                stamp=stamp(self._order.newest[1] * 1e-9),
-                recorder=self.node.get_name(),
-                tick=tick,
-                epoch=epoch,
-                messages=self._recording.messages,
-                instance=self._alive.heartbeat.instance,
-            )
-        )
+        name, instance = self.node.get_name(), self._alive.heartbeat.instance
+        progress = RecorderProgress(name, tick, epoch, self._recording.messages, instance)
+        self._progress = progress_bytes(progress, self._order.newest[1] * 1e-9)
+        if not self._source.acknowledge(self._progress):
+            self._publish_progress(now)
+
+    def _publish_progress(self, now: float) -> None:
+        self._status.publish(self._progress)
+        self._progress, self._next_status = b"", now + _STATUS_PERIOD
 
     def _publish_event(self, what: Fact) -> None:
         epoch, at = self._order.newest

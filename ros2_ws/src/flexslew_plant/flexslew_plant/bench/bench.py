@@ -54,6 +54,7 @@ from flexslew_plant.testbeds.contract import BlackBox, RunningPlant, has_own_clo
 from flexslew_plant.testbeds.model import Model
 
 _RIGID_FREQUENCY = 0.1  # of the brake on what has no mode [rad/s]
+_FLOAT = np.dtype(np.float64)  # the one of all arrays of this kind
 
 
 def _initial_model(given: Testbed, testbed: Testbed) -> tuple[Vector, Model, float]:
@@ -207,7 +208,8 @@ class Bench:
         seed, period = self.settings.seed, self.settings.period
         self._sensors = Sensors(self.settings.sensors, self.model, period, [seed, self.epoch])
         self._x: Vector = self._start
-        self._applied: Vector = read_only(np.zeros(self.model.joints))
+        self._no_effort: Vector = read_only(np.zeros(self.model.joints))
+        self._applied: Vector = self._no_effort
         self._extra: Vector = self._applied  # disturbance during the last tick
         self._total: Vector = self._applied  # both
         if self._sensor_check is not None:
@@ -252,7 +254,7 @@ class Bench:
         if not self.model.has_equations:
             raise BadInput("a black box cannot be placed in another state", key="testbed")
         self._x, self._applied = read_only(x), read_only(applied)
-        self._extra, self._total = read_only(np.zeros_like(applied)), self._applied
+        self._extra, self._total = self._no_effort, self._applied
         self.actuator.place(motors)
         self._start_tick()
 
@@ -297,6 +299,9 @@ class Bench:
 
     def truth(self) -> Truth:
         """Return the state at this tick."""
+        appendages = self.appendages
+        is_deflection = appendages.rate is None and appendages.exact_reading is None
+        tip = self._exact.tip_deflection if is_deflection else self.model.deflections(self._x)[0]
         q, v = self.model.split(self._x)
         return Truth(
             self.tick,
@@ -306,7 +311,7 @@ class Bench:
             v,
             self._applied,
             self._extra,
-            read_only(self.appendages.tip.dot(self.model.modal_state(self._x)[0])),
+            read_only(tip),
             self.model.energy(self._x, self.time),
         )
 
@@ -318,7 +323,7 @@ class Bench:
         Raises:
             BadInput: its effort is neither an array nor a list of real numbers.
         """
-        if getattr(command.effort, "dtype", None) != np.float64:
+        if getattr(command.effort, "dtype", None) is not _FLOAT:
             command = command._replace(effort=_numbers(command.effort))
         question = self.question
         other = command.tick != question.tick or command.controller != question.controller
@@ -364,8 +369,10 @@ class Bench:
         if self._wheel_limits is not None:
             applied = self._wheel_limits.apply(applied, self._x)
         applied = read_only(applied)
-        extra = self._injections.disturbance(self.tick)
-        total = applied + extra
+        extra, total = self._no_effort, applied
+        if self._injections.disturbances:
+            extra = self._injections.disturbance(self.tick)
+            total = read_only(applied + extra)
         try:
             after = read_only(self._integrate(total))
         except PlantFault as error:
@@ -391,7 +398,7 @@ class Bench:
         small = self.appendages.small
         if small is None:
             return
-        tips = self.appendages.tip.dot(self.model.modal_state(self._x)[0])
+        tips = self.model.deflections(self._x)[0]
         for k in np.flatnonzero(np.abs(tips) > small).tolist():
             if k not in self._tip_warnings:
                 self._tip_warnings.add(k)
@@ -544,7 +551,7 @@ class Bench:
             self._injections.begin(self.tick, self.drive.demand, self._applied)
         self.handover.begin(self.tick)
         self._answer, self._lost = None, False
-        exact = exact_readings(self.model, self._x, self._total, time)
+        self._exact = exact = exact_readings(self.model, self._x, self._total, time)
         self._velocity = exact.joint_velocity
         readings = self._sensors.read(exact, self._x)
         if faults.at_work:

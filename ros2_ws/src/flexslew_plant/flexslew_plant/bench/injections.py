@@ -90,6 +90,9 @@ class Injections:
         epoch: number of resets so far.
         known: disturbances and faults of the schedule.
         report: takes the events when they begin and end.
+
+    Attributes:
+        disturbances: all of this epoch, those that are over included.
     """
 
     def __init__(
@@ -103,7 +106,7 @@ class Injections:
     ) -> None:
         self._names, self._period, self._report = names, period, report
         self._all = list(known)
-        self._disturbances = [one for one in known if isinstance(one, TimedDisturbance)]
+        self.disturbances = [one for one in known if isinstance(one, TimedDisturbance)]
         self._finished: set[int] = set()  # by an operator
         self._zero: Vector = read_only(np.zeros(len(names.joints)))
         self.faults = Faults(
@@ -117,7 +120,7 @@ class Injections:
         if isinstance(injection, Timed):
             self.faults.add(injection)
             return injection.fault.kind, number
-        self._disturbances.append(injection)
+        self.disturbances.append(injection)
         return "disturbance", number
 
     def end(self, number: int, tick: int) -> None:
@@ -126,11 +129,11 @@ class Injections:
         if isinstance(injection, Timed):
             self.faults.end(injection, tick)
         else:
-            k = next(k for k, d in enumerate(self._disturbances) if d is injection)
+            k = next(k for k, d in enumerate(self.disturbances) if d is injection)
             if tick <= injection.start:
-                del self._disturbances[k]
+                del self.disturbances[k]
             else:
-                self._disturbances[k] = self._all[number] = injection._replace(end=tick)
+                self.disturbances[k] = self._all[number] = injection._replace(end=tick)
         self._finished.add(number)
 
     def active(self, tick: int) -> list[ActiveFault]:
@@ -150,7 +153,7 @@ class Injections:
     def disturbance(self, tick: int) -> Vector:
         """Return the disturbance effort over this tick, and record events of its start and end."""
         total = self._zero
-        for timed in self._disturbances:
+        for timed in self.disturbances:
             if timed.start <= tick < timed.end:
                 total = total + disturbance_effort(timed, tick, self._names.joints, self._period)
             if tick in (timed.start, timed.end):

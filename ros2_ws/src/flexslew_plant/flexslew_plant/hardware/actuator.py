@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from math import expm1
+from operator import le
 from typing import Annotated, TypeAlias
 
 import numpy as np
@@ -86,9 +87,7 @@ class Actuator:
         one_way: Sequence[int] = (),
     ) -> None:
         self._numbers = n = motor_numbers(settings, limit, period, impulse, one_way)
-        self._bounds: list[tuple[float, float]] = list(
-            zip(n.least.tolist(), n.limit.tolist(), strict=True)
-        )
+        self._bounds = n.least.tolist(), n.limit.tolist()
         self._ideal = not (n.quantum or n.slew_rate or n.lag or n.impulse.any())
         self.reset()
         if not self._ideal:
@@ -96,8 +95,8 @@ class Actuator:
 
     def reset(self) -> None:
         """Forget the past: no torque."""
-        self.effort: Vector = np.zeros(len(self._bounds))  # really applied [N m or N]
-        self._memory = np.zeros((3, len(self._bounds)))
+        self.effort: Vector = np.zeros(self._numbers.limit.size)  # really applied [N m or N]
+        self._memory = np.zeros((3, self.effort.size))
         self.saturated = False
 
     def place(self, torque: Vector) -> None:
@@ -114,13 +113,12 @@ class Actuator:
             self.effort = np.empty(demand.size)
             self.saturated = drive_motors(self._numbers, demand, self._memory, self.effort)
             return self.effort
-        self.saturated, self.effort = False, demand
-        # a Python loop over one or two joints takes a third of the time of NumPy's calls
-        for value, (least, largest) in zip(demand.tolist(), self._bounds, strict=True):
-            if not least <= value <= largest:
-                self.saturated = True
-                self.effort = np.clip(demand, self._numbers.least, self._numbers.limit)
-                break
+        # Python's own numbers take a third of the time of NumPy's calls for one or two joints
+        (least, largest), values = self._bounds, demand.tolist()
+        self.saturated = not (all(map(le, least, values)) and all(map(le, values, largest)))
+        self.effort = demand
+        if self.saturated:
+            self.effort = np.clip(demand, self._numbers.least, self._numbers.limit)
         return self.effort
 
 

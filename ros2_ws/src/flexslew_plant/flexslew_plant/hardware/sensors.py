@@ -48,12 +48,14 @@ def exact_readings(model: Model, x: Vector, effort: Vector, t: float) -> Reading
         effort: held during the last tick, disturbances included, shape (efforts,) [N m or N].
         t: [s].
     """
+    appendages = model.appendages
     position, velocity = model.joint_state(x)
-    modes, rates = model.modal_state(x)
-    tip = model.appendages.reading(modes, rates)
-    if model.appendages.exact_reading is not None:
-        tip = tip + model.appendages.exact_reading(x, model.derivative(x, effort, t), t)
-    return Readings(position, velocity, tip, model.appendages.curvature.dot(modes))
+    tip, curvature = model.deflections(x)
+    if appendages.rate is not None:
+        tip = tip + appendages.rate.dot(model.modal_state(x)[1])
+    if appendages.exact_reading is not None:
+        tip = tip + appendages.exact_reading(x, model.derivative(x, effort, t), t)
+    return Readings(position, velocity, tip, curvature)
 
 
 def channel_bounds(joints: int, tips: int) -> list[int]:

@@ -54,11 +54,6 @@ class Appendages(NamedTuple):
         truth_mask = self.in_truth or (True,) * len(self.names)
         return [known for known, included in zip(self.sensors, truth_mask, strict=True) if included]
 
-    def reading(self, modes: Vector, rates: Vector) -> Vector:
-        """Return what the tips read of the modes and their rates, shape (appendages,)."""
-        tip: Vector = self.tip.dot(modes)
-        return tip if self.rate is None else tip + self.rate.dot(rates)
-
     def started(self, period: float, seed: list[int] | None = None) -> InstrumentReader | None:
         """Return what reads the instruments from tick 0 on; None: there are none.
 

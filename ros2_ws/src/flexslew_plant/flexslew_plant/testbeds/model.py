@@ -303,7 +303,9 @@ class Model:
     ) -> Vector:
         """Return the state dt after t with the effort held (order 8, `steps` equal steps)."""
         self._require(x, effort)
-        return self.advance_checked(np.asarray(x, dtype=np.float64), effort, dt, steps, t)
+        after = np.array(x, np.float64)
+        self.integrate(self.packed, t, effort, dt, steps, self.before_modes, after)
+        return after
 
     def advance_checked(self, x: Vector, effort: Vector, dt: float, steps: int, t: float) -> Vector:
         """Return what `advance` does, of a state and efforts whose shapes are known to fit."""
@@ -531,6 +533,17 @@ class Model:
         """Return the modal coordinates and their rates, each of shape (..., modes)."""
         modal, rate = self._of_modes
         return x[..., modal], x[..., rate]
+
+    def deflections(self, x: Vector) -> tuple[Vector, Vector]:
+        """Return tip deflections [m] and root curvatures [1/m], each of shape (appendages,)."""
+        both = self._of_appendages.dot(x[self._of_modes[0]])
+        count = len(self.appendages.tip)
+        return both[:count], both[count:]
+
+    @cached_property
+    def _of_appendages(self) -> Matrix:
+        """Tips and then curvatures of the modal coordinates: one product is quicker than two."""
+        return np.vstack((self.appendages.tip, self.appendages.curvature))
 
     @cached_property
     def _of_joints(self) -> tuple[slice, slice]:

@@ -46,6 +46,7 @@ _OWN_CLOCK = Refusal(
 )
 _NEW_INSTANCE = Refusal("it has just come", cause=Cause.NOT_READY)
 _POLL_PERIOD = 0.02  # between two checks for missing nodes [wall s]
+_BEHIND_PERIOD = 0.0005  # between two checks of nodes that are too far behind [wall s]
 
 
 class Session:
@@ -121,7 +122,7 @@ class Session:
         is_final = alive and drive.one_miss_left
         if self.tick_timer.tick_over(now, bench.answered, drive.missing_ticks, is_final):
             if self._needs_wait(now):
-                return 0.005
+                return _BEHIND_PERIOD
             self._advance(now)
         elif not bench.answered and self.tick_timer.check_repeat(now):
             self.outgoing.append(bench.question)
