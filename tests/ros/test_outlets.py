@@ -232,9 +232,10 @@ def test_without_direct_lines_all_of_it_goes_over_dds(
 
 
 def test_the_progress_of_the_recorder_arrives_on_the_line(recorded: Recorded) -> None:
-    alone_with_the_recorder(recorded)
     received: list[RecorderProgress] = []
-    recorded.direct_publishers.on_progress = received.append
+    recorded.direct_publishers = DirectPublishers(recorded.node, received.append)
+    recorded.offer = recorded.direct_publishers.publisher(TRUTH)
+    alone_with_the_recorder(recorded)
     sent = [RecorderProgress("recorder", tick, 0, 4 * tick, 17) for tick in range(0, 500, 25)]
     for progress in sent:
         assert recorded.inbox.acknowledge("/truth", progress_bytes(progress, 0.0))

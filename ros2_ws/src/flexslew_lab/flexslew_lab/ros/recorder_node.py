@@ -12,8 +12,8 @@ from flexslew_lab.log.recording.unfinished import open_bag
 from flexslew_lab.ros.rebroadcast import Rebroadcast
 from flexslew_lab.ros.recorder.intake import MEASUREMENT_TOPIC, MessageSource
 from flexslew_lab.ros.recorder.namesakes import StatusFilter
+from flexslew_lab.ros.recorder.progress import ProgressReport
 from flexslew_lab.ros.recorder.recorder_settings import RecorderSettings
-from flexslew_plant.bench.wire import RecorderProgress, progress_bytes
 from flexslew_plant.events import (
     Fact,
     RecordingEnded,
@@ -21,18 +21,15 @@ from flexslew_plant.events import (
     UnexpectedMessage,
     event_of,
 )
-from flexslew_plant.graph import topics
 from flexslew_plant.ros.dead_nodes import GraphCleanup
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.node_process import run_node
-from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.parameters import handle_changes, new_node, settings_of
 
 _TAKE_EVERY = 0.005  # [wall s]
 _BUSY, _BUSY_EVERY = 20, 0.002  # messages at once: the plant flies fast, and waits for the log
-_STATUS_PERIOD = 0.1  # of statuses over DDS while the plant is on a line [wall s]
 _ENDING = 3.0  # of a plant that is interrupted together with the recorder [wall s]
 
 _NOT_PLANT = "its sender is not the plant of this bench"
@@ -50,14 +47,13 @@ class Recorder:
         bag = open_bag(Path(self._settings.folder), json.loads(self._settings.metadata))
         self._recording = Recording(bag, lambda words: self._publish_event(RecordingEnded(words)))
         self._events = EventLog(node)
-        self._status = publisher(node, topics.RECORDER_STATUS)
         self._rebroadcast = Rebroadcast(node)
         self._order, self._warned = RecordingOrder(node.get_namespace()), set[str]()  # of topics
-        self._last_status = self._recording.safe
-        self._progress, self._next_status = b"", 0.0  # to go over DDS, and when [wall s]
         self._exit_time: float | None = None  # interrupted: when to leave at the latest [wall s]
         self._next_check = 0.0  # for the plant [wall s]
         self._source = MessageSource(node, loop)
+        instance = self._alive.heartbeat.instance
+        self._progress = ProgressReport(node, self._source, self._recording, instance)
         self._status_filter = StatusFilter(self._alive.heartbeats)
         handle_changes(node, lambda changes: "")
         measurements = self._source.subscriptions[MEASUREMENT_TOPIC]
@@ -106,11 +102,10 @@ class Recorder:
             self._publish_event(UnexpectedMessage(name, self.node.get_name(), _NOT_PLANT))
         for message in messages:
             self._recording.write(message)
-            self._report_progress(now)
+            self._progress.update(self._order.newest[1] * 1e-9, now)
         self._recording.flush(now)
-        self._report_progress(now)
-        if self._progress and (last or now >= self._next_status):
-            self._publish_progress(now)
+        self._progress.update(self._order.newest[1] * 1e-9, now)
+        self._progress.publish(now, last)
         self._rebroadcast.poll(now, last)
         return len(messages)
 
@@ -120,25 +115,6 @@ class Recorder:
             self._watch.seen = self._watch.seen or topic == MEASUREMENT_TOPIC
             self._rebroadcast.receive(topic, data)
             yield topic, data
-
-    def _report_progress(self, now: float) -> None:
-        """Report the safe tick to the plant, which waits rather than lose more than a second.
-
-        The plant receives it on its line. DDS costs it a hundred times as much, and has it less
-        often then.
-        """
-        if self._recording.safe == self._last_status:
-            return
-        self._last_status = epoch, tick = self._recording.safe
-        name, instance = self.node.get_name(), self._alive.heartbeat.instance
-        progress = RecorderProgress(name, tick, epoch, self._recording.messages, instance)
-        self._progress = progress_bytes(progress, self._order.newest[1] * 1e-9)
-        if not self._source.acknowledge(self._progress):
-            self._publish_progress(now)
-
-    def _publish_progress(self, now: float) -> None:
-        self._status.publish(self._progress)
-        self._progress, self._next_status = b"", now + _STATUS_PERIOD
 
     def _publish_event(self, what: Fact) -> None:
         epoch, at = self._order.newest

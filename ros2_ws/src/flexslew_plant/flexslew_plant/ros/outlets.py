@@ -31,13 +31,13 @@ class DirectPublishers:
 
     Args:
         node: node that publishes.
-
-    Attributes:
-        on_progress: receives how far the recorder is.
+        on_progress: receives how far the recorder is; None: it is not used.
     """
 
-    def __init__(self, node: Node) -> None:
-        self.on_progress: Callable[[RecorderProgress], None] = lambda progress: None
+    def __init__(
+        self, node: Node, on_progress: Callable[[RecorderProgress], None] | None = None
+    ) -> None:
+        self._on_progress = on_progress or (lambda progress: None)
         self._node, self._direct = node, direct(os.environ)
         measurement_topic = node.resolve_topic_name(topics.MEASUREMENT)
         self._address = address(node.context.get_domain_id(), measurement_topic, RECORDER)
@@ -148,7 +148,7 @@ class DirectPublishers:
         """Take what the recorder has sent since."""
         while (data := line.receive()) is not None:
             try:
-                self.on_progress(progress_from(data))
+                self._on_progress(progress_from(data))
             except BadInput:  # no recorder
                 line.close()
 

@@ -42,7 +42,7 @@ class Plant:
     def __init__(self, loop: Loop, local_controller: LocalController | None = None) -> None:
         self.loop = loop
         self.node = node = new_node("plant")
-        self._alive, direct = loop.only(node, "plant"), loop.direct_publishers(node)
+        self._alive, direct = loop.only(node, "plant"), loop.direct_publishers(node, self._on_log)
         self.statuses = StatusMonitor(self._alive.heartbeats, self._on_status)
         self._settings: PlantSettings = settings_of(node, PlantSettings, DYNAMIC_PARAMETERS)
         s, bench = self._settings, Bench(self._settings.bench)
@@ -58,8 +58,7 @@ class Plant:
         self.display = Display(node, direct, bench, self._settings.display_rate)
         self.session.monitored = lambda: self._is_truth_received() or self.display.due(bench.tick)
         subscription(node, topics.CONTROLLER_STATUS, self.statuses.receive)
-        subscription(node, topics.RECORDER_STATUS, self._on_recorder)
-        direct.on_progress = self._on_recorder
+        subscription(node, topics.RECORDER_STATUS, self._on_log)
         required = [self._link.measurements, self._truth]
         self._report = PlantReport(node, self.session, self._alive, s.progress, required)
         self._services = Services(node, self.session, self.statuses, loop, self.display.refresh)
@@ -134,7 +133,7 @@ class Plant:
         self.session.receive(message.controller, message.ready, message.reason, message.instance)
         self.session.node_progress.received(message.controller, message.last_tick, message.epoch)
 
-    def _on_recorder(self, status: msg.RecorderStatus | RecorderProgress) -> None:
+    def _on_log(self, status: msg.RecorderStatus | RecorderProgress) -> None:
         if self.session.heartbeats.counts(status.recorder, status.instance, monotonic()):
             progress = self.session.node_progress
             progress.received(status.recorder, status.tick, status.epoch, recorder=True)

@@ -8,7 +8,7 @@ import hashlib
 import inspect
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, field, fields
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +68,7 @@ class Kernels:
         any_size: whether they are compiled once for all sizes of a state rather than for each: for
             equations that take long to compile and have loops that outweigh the others; needs
             actuation and kinematics, and functions that their author has compiled.
-        token: names the functions in the compiler's files; made from their sources.
+        token: names the functions in the compiler's files; made from their names and sources.
     """
 
     terms: Callable[..., None]
@@ -95,7 +95,8 @@ class Kernels:
             raise ValueError("any_size needs actuation and kinematics")
         if self.extra_positions and self.kinematics is None:
             raise ValueError("extra_positions needs kinematics, which gives their rates")
-        digest = hashlib.sha256(f"{self.full_mass} {self.extra_positions}".encode())
+        names = [(name, function.__qualname__) for name, function in self.functions.items()]
+        digest = hashlib.sha256(f"{self.full_mass} {self.extra_positions} {names}".encode())
         for path in sorted(set().union(*map(_sources, self.functions.values()))):
             digest.update(path.read_bytes())
         name = f"{self.terms.__module__}.{self.terms.__qualname__}"
@@ -133,7 +134,12 @@ def select(condition: bool, yes: float, no: float) -> float:
     return yes if condition else no
 
 
+@cache
 def _compile_function(name: str, function: Callable[..., Any]) -> Any:
+    """Return one of the functions of a Kernels object for use inside compiled code.
+
+    It is one for all objects that share it: of two, the compiler would take one for the other.
+    """
     if hasattr(function, "py_func"):  # the author has compiled it
         return function
     arguments = tuple(inspect.signature(function).parameters)

@@ -173,14 +173,7 @@ def _advance(kernels: Kernels) -> Callable[..., None]:
     """Return the integration of a state of any size; m: entries of v before the modes."""
     solution = kernels.compiled.get("advance")
     if solution is not None:
-
-        @compiled_once("x")
-        def advance_exactly(
-            p: Vector, t: float, effort: Vector, dt: float, steps: int, m: int, x: Vector
-        ) -> None:
-            solution(p, t, effort, dt, x)
-
-        return advance_exactly
+        return _advance_exactly(solution)
 
     @compiled_once("x")
     def advance(
@@ -195,6 +188,19 @@ def _advance(kernels: Kernels) -> Callable[..., None]:
         dynamics.step_in_place(held, t, dt / steps, steps, n, x, work)
 
     return _in_parts(kernels, advance)
+
+
+@cache
+def _advance_exactly(solution: Callable[..., None]) -> Callable[..., None]:
+    """Return the integration by an exact solution, one for all equations that have it."""
+
+    @compiled_once("x")
+    def advance(
+        p: Vector, t: float, effort: Vector, dt: float, steps: int, m: int, x: Vector
+    ) -> None:
+        solution(p, t, effort, dt, x)
+
+    return advance
 
 
 def _in_parts(kernels: Kernels, advance: Callable[..., None]) -> Callable[..., None]:
