@@ -177,17 +177,6 @@ def test_a_matrix_has_numbered_columns(tmp_path: Path) -> None:
                 external_record(path, (name,), ("y[1]",))
 
 
-def test_times_in_milliseconds_are_noticed_and_read(tmp_path: Path) -> None:
-    values = table(400)
-    as_csv(tmp_path / "lab.csv", values | {"time": 1e3 * values["time"]})
-    wrong = read(tmp_path / "lab.csv")
-    assert any("0.001 times the integral of rate.hub: are the times in ms?" in w for w in
-               wrong.words)  # fmt: skip
-    right = read(tmp_path / "lab.csv", FileClock(unit="ms"))
-    assert right.words == ()
-    assert right.record.period == pytest.approx(H)
-
-
 def hostile(path: Path) -> None:
     """Write a file that runs code, reads another one, or asks for more memory than there is."""
     np.savez(path, time=np.array([print], dtype=object), u=np.zeros(3), x=np.zeros(3))

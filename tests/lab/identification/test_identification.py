@@ -294,21 +294,6 @@ def csv_of(path: Path, record: Record, t: Any) -> None:
     np.savetxt(path, rows, delimiter=",", header=",".join(names), comments="")
 
 
-@pytest.mark.slow
-def test_a_csv_file_of_another_bench_gives_the_same_mode(tmp_path: Path) -> None:
-    true, experiment = oscillator(5)
-    record = experiment.record
-    path = tmp_path / "lab.csv"
-    csv_of(path, record, record.period * np.arange(record.ticks + 1))
-    path.write_text(path.read_text() + "\n\n")  # as some loggers end a file
-    columns = ("u=mass",), ("x=position.mass", "v=rate.mass", "s")
-    repaired = external_record(path, *columns)
-    assert repaired.words == ()
-    (w,), _, _ = truth(true)
-    (mode,) = identify_modes(repaired.record, (0.1, 6.0)).modes
-    assert mode.frequency.value == pytest.approx(w, rel=1e-4)
-
-
 def test_gaps_and_jitter_stay_in_the_record_and_are_reported(tmp_path: Path) -> None:
     _, experiment = oscillator(5)
     record = experiment.record.cut(0, 4000)
@@ -336,21 +321,6 @@ def test_gaps_and_jitter_stay_in_the_record_and_are_reported(tmp_path: Path) -> 
     assert any("u, x: jitter of" in one for one in notes)
     assert read.times == pytest.approx(jittered - jittered[0])
     assert read.is_complete
-
-
-def test_a_file_without_its_columns_or_with_a_clock_that_steps_back_is_refused(
-    tmp_path: Path,
-) -> None:
-    path = tmp_path / "lab.csv"
-    csv_of(path, oscillator(5)[1].record.cut(0, 100), 0.01 * np.arange(101))
-    with pytest.raises(BadInput, match=r"no column z; .*the header is: time; u; x; v; s"):
-        external_record(path, ("z",), ("x",))
-    path.write_text("time,u,x\n0,1,2\n1,one,2\n")
-    with pytest.raises(BadInput, match=r"u: line 3: 'one' is no number"):
-        external_record(path, ("u",), ("x",))
-    path.write_text("time,u,x\n0,1,2\n2,1,2\n1,1,2\n")
-    with pytest.raises(BadInput, match=r"u: the time steps back at 2 s"):
-        external_record(path, ("u",), ("x",))
 
 
 def test_the_file_says_what_was_found() -> None:

@@ -1,6 +1,6 @@
 """Every testbed of the table, and one of a user's own, keeps the contract."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -234,29 +234,3 @@ def test_a_kind_that_is_not_there_is_refused_in_one_line(kind: Any, words: str) 
 def test_a_wrong_key_of_ones_own_testbed_is_named() -> None:
     with pytest.raises(BadInput, match=r"inertiaz: unknown key; did you mean inertias\?"):
         bed(OWN, inertiaz=[1.0, 1.0, 1.0])
-
-
-@every_kind
-@pytest.mark.parametrize("more", [-1, 1])
-def test_a_state_or_effort_of_another_size_is_refused_by_name(kind: Any, more: int) -> None:
-    model = bed(kind).model()
-    x, u = np.zeros(model.positions + model.coordinates), np.zeros(model.efforts)
-    other = np.zeros(x.size + more)
-    q, v = other[: model.positions], other[model.positions :]
-    of_state: list[Callable[[], Any]] = [
-        lambda: model.derivative(other, u),
-        lambda: model.advance(other, u, 0.01),
-        lambda: model.jacobian(other, u),
-        lambda: model.energy(other),
-        lambda: model.bias(q, v),
-        lambda: model.mass_matrix(np.zeros(model.positions + more)),
-        lambda: model.linearise(np.zeros(model.positions + more)),
-    ]
-    for call in of_state:
-        with pytest.raises(ValueError, match=model.state_names[-1]):
-            call()
-    for of_effort in (model.derivative, model.jacobian):
-        with pytest.raises(ValueError, match="one per actuator"):
-            of_effort(x, np.zeros(u.size + more))
-    with pytest.raises(ValueError, match="one per actuator"):
-        model.advance(x, np.zeros(u.size + more), 0.01)

@@ -33,32 +33,6 @@ def test_energy_stays_without_effort_and_momentum_too() -> None:
     assert model.momentum(after)[0] == pytest.approx(model.momentum(STATE)[0], rel=1e-12)
 
 
-def test_power_is_effort_times_rate() -> None:
-    model = HubTestbed().model()
-    effort, h = np.array([1.5]), 1e-4
-    gain = model.energy(model.advance(STATE, effort, h)) - model.energy(
-        model.advance(STATE, effort, -h)
-    )
-    assert gain / (2 * h) == pytest.approx(effort[0] * STATE[2], rel=1e-6)
-
-
-def test_the_jacobian_is_the_derivative_of_the_derivative() -> None:
-    model = HubTestbed(damping_ratio=0.02).model()
-    effort, h = np.array([1.5]), 1e-6
-    dx, _ = model.jacobian(STATE, effort)
-    for j, unit in enumerate(np.eye(4)):
-        ahead = model.derivative(STATE + h * unit, effort)
-        behind = model.derivative(STATE - h * unit, effort)
-        assert dx[:, j] == pytest.approx((ahead - behind) / (2 * h), abs=1e-6)
-
-
-def test_stiffness_scales_alone() -> None:
-    model = HubTestbed().model()
-    stiffer = model.with_stiffness(1.21)
-    assert stiffer.linearise(np.zeros(2)).frequencies == pytest.approx([1.1 * 6.486746], abs=2e-6)
-    assert stiffer.mass_matrix(STATE[:2]) == pytest.approx(model.mass_matrix(STATE[:2]))
-
-
 def test_a_misspelt_key_is_named() -> None:
     with pytest.raises(BadInput, match="did you mean tip_mass"):
         read_testbed(

@@ -24,9 +24,9 @@ TAKES = {"advance": "xu", "derivative": "xu", "jacobian": "xu", "energy": "x", "
          "position_rates": "q"}  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def model() -> Model:
-    built: Model = TESTBEDS["csa"].settings().model()
+@pytest.fixture(scope="module", params=["csa", "spacecraft"])
+def model(request: pytest.FixtureRequest) -> Model:
+    built: Model = TESTBEDS[request.param].settings().model()
     return built
 
 
@@ -35,10 +35,11 @@ def test_a_wrong_length_is_refused_with_the_shape_that_fits(model: Model, door: 
     right = {"q": model.positions, "v": model.coordinates, "u": model.efforts}
     right["x"] = right["q"] + right["v"]
     for name in TAKES[door]:
+        words = f"({model.state_names[-1]}|one per (actuator|coordinate))"
         for size in (0, right[name] - 1, right[name] + 1):
             sizes = {**right, name: size}
             given = [np.zeros(sizes[key]) for key in "qvxu"]
-            with pytest.raises(ValueError, match=rf"fit: \({right[name]},\)"):
+            with pytest.raises(ValueError, match=rf"fit: \({right[name]},\).*{words}"):
                 DOORS[door](model, *given)
 
 

@@ -89,16 +89,13 @@ def sun_rows(settings: SunSensorSettings, rng: Draws, bodies: list[BodyState]) -
     return np.array(rows)
 
 
-def speed_rows(settings: TachometerSettings, rng: Draws, bodies: list[BodyState]) -> Matrix:
-    """Return what tachometers read."""
-    speeds = np.array([body.wheels for body in bodies])
-    return speeds if rng is None else speeds + settings.noise * rng.standard_normal(speeds.shape)
-
-
-def angle_rows(settings: ResolverSettings, rng: Draws, bodies: list[BodyState]) -> Matrix:
-    """Return what resolvers read."""
-    angles = np.array([body.gimbals for body in bodies])
-    return angles if rng is None else angles + settings.noise * rng.standard_normal(angles.shape)
+def rotor_rows(
+    settings: TachometerSettings | ResolverSettings, rng: Draws, bodies: list[BodyState]
+) -> Matrix:
+    """Return what tachometers or resolvers read."""
+    is_speed = settings.kind == "tachometer"
+    rows = np.array([body.wheels if is_speed else body.gimbals for body in bodies])
+    return rows if rng is None else rows + settings.noise * rng.standard_normal(rows.shape)
 
 
 def motion(rng: np.random.Generator, wheels: int, gimbals: int) -> list[BodyState]:
@@ -144,9 +141,9 @@ def instrument_of(kind: int, first: int, rng: np.random.Generator) -> tuple[Any,
         return SunSensor("", first, settings, SUN), settings, sun_rows
     if kind == 3:
         settings = TachometerSettings(kind="tachometer", noise=some(0.1))
-        return Tachometer("", first, ("a", "b", "c", "d"), settings), settings, speed_rows
+        return Tachometer("", first, ("a", "b", "c", "d"), settings), settings, rotor_rows
     settings = ResolverSettings(kind="resolver", noise=some(0.1))
-    return Resolver("", first, ("a", "b"), settings), settings, angle_rows
+    return Resolver("", first, ("a", "b"), settings), settings, rotor_rows
 
 
 def craft(rng: np.random.Generator) -> list[tuple[Instrument, Any, Plain]]:

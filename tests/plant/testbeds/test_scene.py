@@ -76,10 +76,3 @@ def test_curvature_at_the_root_is_that_of_the_drawn_beam() -> None:
     # clamped: y = curvature s^2 / 2 near the root
     near = 2.0 * drawn[1, 1] / step**2
     assert bed.model().appendages.curvature[0, 0] == pytest.approx(near, rel=0.05)
-
-
-@pytest.mark.parametrize("kind", SAME_LENGTHS)
-def test_every_appendage_of_a_testbed_reads_something(kind: Any) -> None:
-    bed = section_of(kind)
-    found = bed.model().appendages
-    assert found.tip.shape == found.curvature.shape == (len(found.names), bed.modes)

@@ -185,7 +185,7 @@ def read(path: Path, names: list[str], clock: FileClock = FileClock()) -> Any:  
         (b"0 1 0\n1 0 .5\n2 -1 1\n", ("2", "3")),  # no header
         (b"  0.0\t 1.0 \t0\n  1.0\t 0 \t.5\n  2\t-1\t1\n", ("2", "3")),
         (b"# made in a lab\n# time u x\n0 1 0\n1 0 .5\n2 -1 1\n", ("u", "x")),
-        (b"% comment\ntime,u,x\n0,1,0\n# pause\n1,0,.5\n\n2,-1,1\n", ("u", "x")),
+        (b"% comment\ntime,u,x\n0,1,0\n# pause\n1,0,.5\n\n2,-1,1\n\n\n", ("u", "x")),
         (b'"time","u","x"\n"0,0","1,0","0,0"\n"1,0","0,0","0,5"\n"2,0","-1","1"\n', ("u", "x")),
         ("time;Moment [N\xb7m];x\n0;1;0\n1;0;,5\n2;-1;1\n".encode("latin-1"),
          ("Moment [N\xb7m]", "x")),

@@ -68,19 +68,6 @@ def test_the_same_call_gives_the_same_bits_and_leaves_its_arguments_alone() -> N
     assert not np.shares_memory(first, second)
 
 
-@pytest.mark.first(3)
-@pytest.mark.parametrize("kind", SAME_LENGTHS)
-def test_acceleration_solves_the_equations_of_motion(kind: Any) -> None:
-    bed = validated(TestbedSettings, {"kind": kind}, "here").model()
-    n = bed.coordinates
-    x = 0.1 * np.random.default_rng(3).standard_normal(2 * n)
-    effort = np.arange(1.0, 1.0 + bed.joints)
-    rate = bed.derivative(x, effort)
-    np.testing.assert_array_equal(rate[:n], x[n:])
-    residual = bed.mass_matrix(x[:n]) @ rate[n:] + bed.bias(x[:n], x[n:])
-    np.testing.assert_allclose(residual, bed.input_matrix(x[:n]) @ effort, atol=1e-12)
-
-
 def test_a_model_can_be_sent_to_another_process() -> None:
     bed = model()
     expected = bed.advance(STATE, EFFORT, 0.01)

@@ -102,15 +102,6 @@ def test_the_variants_differ_only_by_the_term_left_out() -> None:
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_mass_matrix_is_symmetric_and_positive(variant: Any) -> None:
-    model = model_of(variant)
-    for seed in range(20):
-        mass = model.mass_matrix(random_state(seed)[:5])
-        np.testing.assert_array_equal(mass, mass.T)
-        assert np.linalg.eigvalsh(mass).min() > 0.0
-
-
-@pytest.mark.parametrize("variant", VARIANTS)
 def test_energy_and_yaw_momentum_stay_over_100_seconds_of_ticks(variant: Any) -> None:
     model, free = model_of(variant), np.zeros(2)
     x = np.array([0.1, 0.3, 0.5, 0.02, -0.01, 0.2, -0.1, 0.1, 0.05, 0.02])
@@ -122,14 +113,6 @@ def test_energy_and_yaw_momentum_stay_over_100_seconds_of_ticks(variant: Any) ->
         largest = max(largest, abs(model.energy(x) / energy - 1.0))
         assert model.momentum(x)[0] == pytest.approx(momentum, rel=1e-9)
     assert largest < 1e-9
-
-
-@pytest.mark.parametrize("variant", VARIANTS)
-def test_power_is_effort_times_rate(variant: Any) -> None:
-    model, effort, h = model_of(variant), np.array([30.0, -20.0]), 1e-3
-    x = random_state(4)
-    gain = model.energy(model.advance(x, effort, h)) - model.energy(model.advance(x, effort, -h))
-    assert gain / (2.0 * h) == pytest.approx(effort @ x[5:7], rel=1e-5)
 
 
 def test_damping_takes_energy_at_the_modal_rate() -> None:
@@ -159,9 +142,3 @@ def test_both_variants_have_the_same_linear_motions() -> None:
     printed, complete = (model_of(variant).linearise(rest) for variant in VARIANTS)
     np.testing.assert_array_equal(complete.mass, printed.mass)
     np.testing.assert_array_equal(complete.stiffness, printed.stiffness)
-
-
-def test_a_stiffer_beam_is_the_same_as_a_scaled_model() -> None:
-    stiff = CsaTestbed(damping_ratio=0.02, parameters=CsaParameters(bending_stiffness=1800.0))
-    scaled = CsaTestbed(damping_ratio=0.02).model().with_stiffness(1.2)
-    np.testing.assert_allclose(scaled.packed, stiff.model().packed, rtol=1e-12)

@@ -31,19 +31,6 @@ def test_a_step_of_effort_moves_it_as_the_closed_form_does() -> None:
     assert x[0] + x[1] / 2 == pytest.approx(3.0**2 / 4, abs=1e-13)
 
 
-def test_without_effort_energy_and_momentum_stay() -> None:
-    model = OSCILLATOR.model()
-    x = np.array([0.0, 0.4, 0.1, -0.3])
-    after = model.advance(x, np.zeros(1), 50.0, 1000)
-    assert model.energy(after) == pytest.approx(model.energy(x), rel=1e-12)
-    assert model.momentum(after)[0] == pytest.approx(model.momentum(x)[0], rel=1e-12)
-
-
-def test_a_stiffer_spring_is_the_same_as_a_scaled_model() -> None:
-    stiff = read_testbed({"kind": OSCILLATOR.kind, "parameters": {"stiffness": 1.2}}, "here")
-    assert OSCILLATOR.model().with_stiffness(1.2).packed == pytest.approx(stiff.model().packed)
-
-
 def test_a_second_mode_is_refused() -> None:
     with pytest.raises(BadInput, match="modes: 2"):
         read_testbed({"kind": "floating_oscillator", "modes": 2}, "trial.yaml")

@@ -1,9 +1,13 @@
 """Random spacecraft, their flights by the shared method and what must stay constant."""
 
-import numpy as np
-from scipy.integrate import DOP853
+from dataclasses import replace
 
-from flexslew_plant.arrays import Matrix, Vector, compiled
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.compiled.bound import bound
+from flexslew_plant.testbeds.csa.testbed import CsaTestbed, beam
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import rotation_matrix
 from flexslew_plant.testbeds.spacecraft.assembly.craft import (
     Appendage,
@@ -14,11 +18,11 @@ from flexslew_plant.testbeds.spacecraft.assembly.craft import (
     Wheel,
 )
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
-from flexslew_plant.testbeds.spacecraft.equations.actuation import actuation
-from flexslew_plant.testbeds.spacecraft.equations.kinematics import kinematics, potential
+from flexslew_plant.testbeds.spacecraft.equations.kinematics import potential
 from flexslew_plant.testbeds.spacecraft.equations.terms import terms
-from flexslew_plant.testbeds.spacecraft.shapes.integrals import Points, integrals_of
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import Points, integrals_of, second_of
 from flexslew_plant.testbeds.spacecraft.shapes.shape import AppendagePoint
+from flexslew_plant.testbeds.spacecraft.testbed import CONSTRAINED, FLOATING
 
 
 def direction(rng: np.random.Generator) -> Vector:
@@ -111,6 +115,50 @@ def random_craft(
     )
 
 
+def csa_hub(testbed: CsaTestbed, axis: Vector, second_order: bool, extra: float = 0.0) -> Appendage:
+    """Return the hub of the CSA testbed with both beams on a driven hinge.
+
+    Args:
+        testbed: the testbed.
+        axis: of the hinge.
+        second_order: whether terms of second order count, which the CSA model does not have.
+        extra: further inertia of the hub about z.
+    """
+    p, b, modes = testbed.parameters, beam(testbed), testbed.modes
+    x, w = leggauss(16)
+    edges = np.linspace(0.0, p.length, 4 * modes + 1)
+    h = np.diff(edges)[:, None]
+    s = (edges[:-1, None] + h * (1.0 + x) / 2.0).ravel()
+    drawn = np.zeros((s.size, 3, modes, modes))
+    fine = np.linspace(0.0, p.length, 3001)
+    steep = b.shape(fine, 1).T
+    squares = steep[:, :, None] * steep[:, None, :]
+    summed = np.cumsum(0.5 * (squares[1:] + squares[:-1]) * np.diff(fine)[:, None, None], axis=0)
+    for row in range(modes):
+        for column in range(modes):
+            drawn[:, 0, row, column] = -np.interp(s, fine[1:], summed[:, row, column])
+    mass = (p.linear_density * h * w / 2.0).ravel()
+    place, shape = np.zeros((s.size, 3)), np.zeros((s.size, 3, modes))
+    place[:, 0], shape[:, 1] = p.hub_radius + s, b.shape(s).T
+    both = Points(place, mass, shape, drawn).extend(Points(-place, mass, -shape, -drawn))
+    whole = integrals_of(both)
+    i = whole if second_order else whole.first_order()
+    own = np.diag([p.hub_inertia_1, p.hub_inertia_2, p.hub_inertia_1 + extra])
+    i = replace(i, second=i.second + second_of(own))
+    return Appendage(
+        "hub",
+        i,
+        2.0 * p.linear_density * b.integral(0, 2, 0),
+        2.0 * p.bending_stiffness * b.integral(0, 2, 2),
+        np.zeros((modes, modes)),
+        np.zeros(3),
+        np.eye(3),
+        at.DRIVEN,
+        axis,
+        second_order=second_order,
+    )
+
+
 def random_gyro(rng: np.random.Generator) -> MomentGyro:
     """Return a control moment gyro along any axes."""
     axes = random_axes(rng)
@@ -142,44 +190,12 @@ def mass_and_bias(p: Vector, t: float, x: Vector, nv: int) -> tuple[Matrix, Vect
     return np.block([[joints, coupling], [coupling.T, np.diag(modal)]]), bias
 
 
-_STAGES = 12
-_C: Vector = np.array(DOP853.C[:_STAGES])
-_A: Matrix = np.array(DOP853.A[:_STAGES, :_STAGES])
-_B: Vector = np.array(DOP853.B[:_STAGES])
-
-
-@compiled
-def _rate(p: Vector, t: float, x: Vector, effort: Vector, nv: int) -> Vector:
-    nq = x.size - nv
-    n = int(p[at.MODES])
-    m = nv - n
-    mass, bias, modal = np.zeros((nv, nv)), np.empty(nv), np.empty(n)
-    terms(p, t, x, mass[:m, :m], mass[:m, m:], modal, bias)
-    mass[m:, :m] = mass[:m, m:].T
-    for i in range(n):
-        mass[m + i, m + i] = modal[i]
-    force = -bias
-    actuation(p, t, x, effort, force)
-    rate = np.empty(x.size)
-    kinematics(p, t, x, rate)
-    rate[nq:] = np.linalg.solve(mass, force)
-    return rate
-
-
-@compiled
 def fly(p: Vector, t: float, x: Vector, effort: Vector, nv: int, dt: float, steps: int) -> Vector:
-    """Return the state after `steps` steps of order 8 and length dt."""
-    x = x.copy()
-    slopes = np.empty((_STAGES, x.size))
-    for k in range(steps):
-        for i in range(_STAGES):
-            now = x.copy()
-            for j in range(i):
-                now += dt * _A[i, j] * slopes[j]
-            slopes[i] = _rate(p, t + (k + _C[i]) * dt, now, effort, nv)
-        for i in range(_STAGES):
-            x += dt * _B[i] * slopes[i]
-    return x
+    """Return the state after `steps` steps of length dt, as the bench takes them."""
+    kernels, before = FLOATING if x.size > 2 * nv else CONSTRAINED, nv - int(p[at.MODES])
+    after = x.copy()
+    bound(kernels, nv, before).advance(p, t, effort, dt * steps, steps, before, after)
+    return after
 
 
 def attitude(quaternion: Vector) -> Matrix:

@@ -1,9 +1,9 @@
 """SCOLE-S and the full-scale SCOLE of Sung and Joo as sections, in slugs, feet and pounds."""
 
-from typing import Any, Literal
+from typing import Any
 
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.settings import (
-    ActuatorPlace,
     AppendageSettings,
     Beam,
     Body,
@@ -11,7 +11,7 @@ from flexslew_plant.testbeds.spacecraft.settings import (
     Inertia,
     Platform,
 )
-from flexslew_plant.testbeds.spacecraft.units import UnitSystem
+from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 
 SMALL = {
     "mass": 67.0576,
@@ -41,42 +41,21 @@ FULL = {
 }
 
 
-class Scole:
-    """The part of a `testbed` section that the physics reads."""
-
-    def __init__(
-        self,
-        numbers: dict[str, Any],
-        modes: int = 8,
-        motion: Literal["free", "held", "pivot"] = "free",
-    ) -> None:
-        n = numbers
-        self.units: UnitSystem = "slug_ft_lb"
-        self.platform = Platform(motion=motion, mass=n["mass"], inertia=n["inertia"])
-        beam = Beam(
-            length=n["length"],
-            linear_density=n["density"],
-            bending_stiffness=n["ei"],
-            torsion_stiffness=n["gj"],
-            polar_inertia=n["polar"],
-            along=(0.0, 0.0, -1.0),
-            modes=modes,
-            tip_body=n["tip"],
-        )
-        damping = Damping(alpha=0.005, beta=0.005)
-        self.appendages = {
-            "mast": AppendageSettings(shape=beam, damping=damping, geometric_stiffness=False)
-        }
-        self.wheels: dict[str, Any] = {}
-        self.control_moment_gyros: dict[str, Any] = {}
-        unit = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-        self.actuators = {
-            f"{kind}_{axis}": ActuatorPlace(kind=kind, direction=unit[axis], limit=1e3)
-            for kind in ("force", "torque")
-            for axis in "xyz"
-        } | {
-            f"mast_tip_{axis}": ActuatorPlace(
-                kind="torque", appendage="mast", direction=unit[axis], limit=1e3
-            )
-            for axis in "xyz"
-        }
+def scole(n: dict[str, Any], modes: int = 8) -> Spacecraft:
+    """Return a free SCOLE with these numbers, with a torque about each axis of the shuttle."""
+    mast = Beam(
+        length=n["length"],
+        linear_density=n["density"],
+        bending_stiffness=n["ei"],
+        torsion_stiffness=n["gj"],
+        polar_inertia=n["polar"],
+        along=(0.0, 0.0, -1.0),
+        modes=modes,
+        tip_body=n["tip"],
+    )
+    damping = Damping(alpha=0.005, beta=0.005)
+    appendage = AppendageSettings(shape=mast, damping=damping, geometric_stiffness=False)
+    platform = Platform(mass=n["mass"], inertia=n["inertia"])
+    return SpacecraftTestbed(
+        units="slug_ft_lb", platform=platform, appendages={"mast": appendage}
+    ).craft

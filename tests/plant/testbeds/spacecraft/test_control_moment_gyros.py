@@ -9,10 +9,7 @@ from tests.present import present
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import initial_state, read_testbed
-from flexslew_plant.testbeds.instruments import ResolverSettings
-from flexslew_plant.testbeds.instruments.instrument import TickReader
 from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 
 INERTIA = np.array([10.0, 14.0, 18.0])
@@ -102,16 +99,12 @@ def test_the_jacobian_knows_how_torques_turn_with_their_gimbals(seed: int) -> No
 
 
 def test_a_resolver_reads_every_gimbal() -> None:
-    resolver = validated(ResolverSettings, {"kind": "resolver", "noise": 0.01}, "here")
-    bench = craft(1, 5, sensors={"angle": vars(resolver)})
+    bench = craft(1, 5, sensors={"angle": {"kind": "resolver"}})
     model, x = bench.model(), flown(bench, 1, 20)[-1]
     assert model.appendages.names == tuple(f"angle_gyro_{k}" for k in range(5))
     (instrument,) = model.appendages.instruments
     body = present(model.appendages.body)(x)
     np.testing.assert_array_equal(instrument.exact(body), model.split(x)[1][6:])
-    noisy = TickReader(instrument, 0.1, np.random.default_rng(1))
-    off = np.array([noisy(body) for _ in range(2000)]) - instrument.exact(body)
-    assert off.std(axis=0) == pytest.approx(0.01, rel=0.1)
 
 
 GYRO = {"axis": [1.0, 0.0, 0.0], "rotor": [0.0, 1.0, 0.0], "momentum": 1.0}

@@ -1,11 +1,10 @@
 """Prescribed hinge motions: their rates are the derivatives of their angles."""
 
-from typing import Any
-
 import numpy as np
 import pytest
-from tests.plant.testbeds.spacecraft.crafts import random_axes
+from tests.plant.testbeds.spacecraft.crafts import random_axes, random_points
 
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import rotation_matrix
 from flexslew_plant.testbeds.spacecraft.assembly.craft import (
     Appendage,
@@ -20,10 +19,17 @@ from flexslew_plant.testbeds.spacecraft.shapes.integrals import integrals_of
 TABLE = np.array([[0.0, 0, 0, 0], [0.3, 0.2, 1.4, 2.0], [0.6, 0.7, 1.5, -1.0], [1, 1, 0, 0]])
 
 
+def turning(axes: Matrix, *motions: PrescribedRotation) -> tuple[Vector, int]:
+    """Return a packed platform with a rigid appendage that turns, and where its block begins."""
+    i, none = integrals_of(random_points(np.random.default_rng(1), 0)), np.zeros(0)
+    a = Appendage("a", i, none, none, np.zeros((0, 0)), np.zeros(3), axes, at.PRESCRIBED,
+                  manoeuvres=motions)  # fmt: skip
+    p = packed(Spacecraft(1.0, np.zeros(3), np.eye(3), (a,)))
+    return p, int(p[int(p[at.APPENDAGE_TABLE])])
+
+
 def test_the_rates_of_every_profile_are_derivatives_of_the_direction_cosines() -> None:
     rng = np.random.default_rng(0)
-    from tests.plant.testbeds.spacecraft.crafts import random_points
-
     axes, motions, begin = random_axes(rng), [], 0.3
     for profile in (at.SMOOTH, at.BANG_BANG, at.TABLE):
         axis = rng.standard_normal(3)
@@ -31,20 +37,7 @@ def test_the_rates_of_every_profile_are_derivatives_of_the_direction_cosines() -
             PrescribedRotation(begin, 1.7, 0.9, axis / np.linalg.norm(axis), profile, TABLE)
         )
         begin += 2.0
-    i = integrals_of(random_points(rng, 0))
-    a = Appendage(
-        "a",
-        i,
-        np.zeros(0),
-        np.zeros(0),
-        np.zeros((0, 0)),
-        np.zeros(3),
-        axes,
-        at.PRESCRIBED,
-        manoeuvres=tuple(motions),
-    )
-    p = packed(Spacecraft(1.0, np.zeros(3), np.eye(3), (a,)))
-    block = int(p[int(p[at.APPENDAGE_TABLE])])
+    p, block = turning(axes, *motions)
 
     def cosines(t: float) -> np.ndarray:
         return np.array(prescribed(p, block, t)[0]).reshape(3, 3)
@@ -69,25 +62,6 @@ def test_the_rates_of_every_profile_are_derivatives_of_the_direction_cosines() -
 def test_the_profiles_peak_accelerations(profile: int) -> None:
     # smooth: beta'' = (2 pi theta / T^2) sin(2 pi t / T); bang-bang: 4 theta / T^2
     m = PrescribedRotation(0.0, 3.0, 1.5, np.array([1.0, 0, 0]), profile)
-    empty = np.zeros((0, 0))
-    a = Appendage(
-        "a",
-        integrals_of_one(),
-        np.zeros(0),
-        np.zeros(0),
-        empty,
-        np.zeros(3),
-        np.eye(3),
-        at.PRESCRIBED,
-        manoeuvres=(m,),
-    )
-    p = packed(Spacecraft(1.0, np.zeros(3), np.eye(3), (a,)))
-    block = int(p[int(p[at.APPENDAGE_TABLE])])
+    p, block = turning(np.eye(3), m)
     peak = {at.SMOOTH: 2 * np.pi * 1.5 / 9.0, at.BANG_BANG: 4 * 1.5 / 9.0}[profile]
     np.testing.assert_allclose(prescribed(p, block, 0.75)[2], [peak, 0, 0], rtol=1e-12)
-
-
-def integrals_of_one() -> Any:
-    from tests.plant.testbeds.spacecraft.crafts import random_points
-
-    return integrals_of(random_points(np.random.default_rng(1), 0))

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import quad_vec
 
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.bench import Bench, BenchSettings
@@ -65,56 +64,6 @@ def test_rates_tremble_by_the_imbalance_times_the_speed_over_the_inertia() -> No
     np.testing.assert_allclose(v[:, 3] + 1j * v[:, 4], rate, atol=2e-4 * abs(rate).max())
     push = 2e-5 * SPEED / 50.0 * np.expm1(1j * SPEED * t) / 1j
     np.testing.assert_allclose(v[:, 0] + 1j * v[:, 1], push, atol=1e-3 * abs(push).max())
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_forces_are_the_means_of_turning_ones_in_any_units(seed: int) -> None:
-    rng = np.random.default_rng([33, seed])
-    axis, place = rng.standard_normal((2, 3))
-    order, phase, other, angle, t = rng.uniform(0.5, 6.0, 5)
-    speed = rng.normal(0.0, 50.0)
-    wheel = {"axis": axis.tolist(), "place": place.tolist()}
-    line = {"order": order, "force": 3e-4, "force_phase": phase, "torque": 2e-4}
-    wheel["harmonics"] = [{**line, "torque_phase": other}]
-    model = craft(wheel).model()
-    assert model.outside is not None
-    x = np.concatenate((model.rest({}), np.zeros(model.coordinates)))
-    x[model.positions - 1], x[-1] = angle, speed
-    axis = axis / np.linalg.norm(axis)
-    first = np.eye(3)[0 if abs(axis[0]) < np.sqrt(0.5) else 1]
-    first = first - first @ axis * axis
-    first /= np.linalg.norm(first)
-    second = np.cross(axis, first)
-
-    def exact(s: float) -> Any:
-        at, to = (order * (angle + speed * s) + one for one in (phase, other))
-        push = 3e-4 * speed**2 * (np.cos(at) * first + np.sin(at) * second)
-        turn = 2e-4 * speed**2 * (np.cos(to) * first + np.sin(to) * second)
-        return np.concatenate((push, np.cross(place, push) + turn, np.zeros(1)))
-
-    np.testing.assert_allclose(model.outside(x, t, 0.0), exact(0.0), atol=1e-12)
-    for span in (0.03, -0.03):
-        mean = quad_vec(exact, 0.0, span, epsrel=1e-12)[0] / span
-        np.testing.assert_allclose(model.outside(x, t, span), mean, atol=1e-10)
-
-
-def test_wheels_and_the_orbit_push_together_and_balanced_wheels_not_at_all() -> None:
-    assert craft({}).model().outside is None
-    orbit: dict[str, Any] = {"altitude": 5e5, "dipole": [0.0, 0.5, 0.0]}
-    skies: tuple[dict[str, Any], ...] = ({}, {"orbit": orbit})
-    models = [
-        craft(wheel, **keys).model()
-        for wheel in ({}, {"dynamic_imbalance": 1e-3})
-        for keys in skies
-    ]
-    x = np.concatenate((models[0].rest({}), np.zeros(models[0].coordinates)))
-    x[-1] = SPEED
-    none, sky, shaken, both = (m.outside and m.outside(x, 5.0, 0.1) for m in models)
-    assert none is None
-    assert sky is not None
-    assert shaken is not None
-    assert both is not None
-    np.testing.assert_allclose(both, sky + shaken, rtol=1e-14)
 
 
 @pytest.mark.parametrize("key", ["static_imbalance", "dynamic_imbalance"])

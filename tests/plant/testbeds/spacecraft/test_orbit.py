@@ -5,14 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.spatial.transform import Rotation
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.testbeds.spacecraft.orbit import GRAVITY, RADIUS, Orbit, OrbitEnvironment
+from flexslew_plant.testbeds.spacecraft.orbit import GRAVITY, RADIUS
 
 INERTIA = np.array([10.0, 16.0, 20.0])  # [kg m^2]
 PERIOD, LASTING = 1.0, 1000.0  # [s]
@@ -95,49 +94,6 @@ def test_a_dipole_above_the_equator_swings_as_a_pendulum() -> None:
     found = turned(drifted({"dipole": [0.0, 0.5, 0.0], "gravity_gradient": False}), axis=0)
     assert found == pytest.approx(expected, abs=1e-6)
     assert abs(found) > 0.1
-
-
-def test_a_dipole_above_the_equator_swings_about_the_field() -> None:
-    field = 3.12e-5 * (RADIUS / (RADIUS + ALTITUDE)) ** 3  # along z, everywhere on this orbit
-    moment = np.array([0.0, 2.0, 0.0])
-    bench = drifted({"dipole": moment.tolist(), "gravity_gradient": False})
-    truth = bench.truth()
-    along = Rotation.from_quat(truth.position[3:7]).inv().apply([0.0, 0.0, field])
-    rate = truth.velocity[3:6]
-    spin = 0.5 * float(rate @ (INERTIA * rate))
-    assert spin > 1e-7  # it swings
-    assert spin == pytest.approx(float(moment @ along), rel=1e-5)  # from rest across the field
-
-
-def test_air_pushes_against_the_course() -> None:
-    orbit = Orbit(
-        altitude=ALTITUDE, phase=0.5, gravity_gradient=False,
-        drag_area=3.0, air_density=1e-12, drag_centre=(0.0, 0.0, 0.4),
-    )  # fmt: skip
-    torque = OrbitEnvironment(orbit, np.eye(3)).torque(np.eye(3), 0.0)
-    speed = RATE * (RADIUS + ALTITUDE)
-    against = -np.array([-np.sin(0.5), np.cos(0.5), 0.0])
-    expected = np.cross([0.0, 0.0, 0.4], 0.5e-12 * speed**2 * 3.0 * against)
-    np.testing.assert_allclose(torque, expected, rtol=1e-12)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_no_torque_depends_on_how_body_and_inertial_axes_are_turned_together(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    frame = Rotation.random(random_state=seed).as_matrix()
-    attitude = Rotation.random(random_state=seed + 10).as_matrix()
-    moment, drag, light = rng.standard_normal((3, 3))
-
-    def torque(axes: Vector) -> Vector:
-        orbit = Orbit(
-            altitude=ALTITUDE, inclination=0.9, phase=0.4, dipole=tuple(axes @ moment),
-            drag_area=2.0, air_density=1e-12, drag_centre=tuple(axes @ drag),
-            solar_area=3.0, solar_centre=tuple(axes @ light), sun=(0.2, 0.5, -0.4),
-        )  # fmt: skip
-        inertia = axes @ np.diag(INERTIA) @ axes.T
-        return OrbitEnvironment(orbit, inertia).torque(axes @ attitude, 123.0)
-
-    np.testing.assert_allclose(torque(frame), frame @ torque(np.eye(3)), atol=1e-16)
 
 
 def boomed(**hinge: Any) -> Any:

@@ -3,17 +3,16 @@
 import numpy as np
 from scipy.linalg import eigh
 from tests.plant.testbeds.spacecraft.crafts import mass_and_bias
-from tests.plant.testbeds.spacecraft.scole import FULL, SMALL, Scole
+from tests.plant.testbeds.spacecraft.scole import FULL, SMALL, scole
 
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
-from flexslew_plant.testbeds.spacecraft.assembly.spacecraft import build_spacecraft
 from flexslew_plant.testbeds.spacecraft.units import UNITS
 
 UNIT = UNITS["slug_ft_lb"]
 
 
 def test_the_mast_s_clamped_frequencies_and_damping_ratios() -> None:
-    mast = build_spacecraft(Scole(SMALL)).appendages[0]
+    mast = scole(SMALL).appendages[0]
     omega = np.sqrt(mast.stiffness / mast.mass)
     hertz = omega[:4] / (2.0 * np.pi)
     np.testing.assert_allclose(hertz[:3], [0.95629, 1.02209, 2.4668], rtol=1.3e-5)
@@ -23,7 +22,7 @@ def test_the_mast_s_clamped_frequencies_and_damping_ratios() -> None:
 
 
 def test_the_total_inertia_about_the_shuttle_s_centre() -> None:
-    _, _, inertia = build_spacecraft(Scole(SMALL)).rigid()
+    _, _, inertia = scole(SMALL).rigid()
     found = inertia / UNIT.torque
     expected = {(0, 0): 75.0, (0, 1): 0.4717, (0, 2): -7.1748, (1, 1): 441.154, (2, 2): 443.383}
     for (i, j), value in expected.items():
@@ -31,7 +30,7 @@ def test_the_total_inertia_about_the_shuttle_s_centre() -> None:
 
 
 def test_the_full_scale_free_free_frequencies() -> None:
-    craft = build_spacecraft(Scole(FULL, modes=10))
+    craft = scole(FULL, modes=10)
     nq, nv = craft.sizes
     x = np.zeros(nq + nv)
     x[6] = 1.0

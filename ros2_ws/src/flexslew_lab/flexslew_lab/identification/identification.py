@@ -223,12 +223,7 @@ def identify(
 
 
 def band_of(plan: Plan | None, source: str) -> tuple[float, float] | None:
-    """Return the band that a plan shook, or around the modes of its model; None: not known.
-
-    Args:
-        plan: plan that was flown.
-        source: its source, for messages.
-    """
+    """Return the band that a plan shook, or around the modes of its model; None: not known."""
     if plan is not None and plan.method == EXCITATION.name:
         low, high = plan.summary["band"]
         return float(low), float(high)

@@ -39,11 +39,6 @@ def next_plan(bag: BagReader, found: ModalModel, recorded_plan: Plan) -> NextPla
     Both are flown in simulation on the bench that was found, under the same controllers, with the
     sensors' noise of the trial; so they can be compared, and neither is a promise.
 
-    Args:
-        bag: of the manoeuvre.
-        found: modes of its record.
-        recorded_plan: the plan that its log has.
-
     Raises:
         BadInput: what was found is no bench to plan with, the trial had no plan that slews, or the
             plan has no residual, because the run ends with it.

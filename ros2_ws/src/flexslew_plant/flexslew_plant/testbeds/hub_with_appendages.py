@@ -89,13 +89,10 @@ class HubTestbed:
             JOINTS,
             JOINT_UNITS,
             self.modes,
-            self._appendages(),
+            # one, as both bend alike; its root curvature is not modelled
+            Appendages(("appendage",), np.ones((1, 1)), np.zeros((1, 1))),
             scale_stiffness=scale_stiffness,
         )
-
-    def _appendages(self) -> Appendages:
-        """Return one appendage, as both bend alike; its root curvature is not modelled."""
-        return Appendages(("appendage",), np.ones((1, 1)), np.zeros((1, 1)))
 
     def scaled(self, stiffness: float = 1.0, payload: float = 1.0) -> "HubTestbed":
         """Return it with another stiffness, as a factor [-].

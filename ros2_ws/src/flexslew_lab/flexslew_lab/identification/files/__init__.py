@@ -5,11 +5,10 @@ from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
+from flexslew_lab.identification.files.arrays import read_mat_columns, read_npz_columns
 from flexslew_lab.identification.files.bag import read_bag
 from flexslew_lab.identification.files.columns import Columns, FileClock
 from flexslew_lab.identification.files.csv_file import read_csv
-from flexslew_lab.identification.files.mat import read_mat_columns
-from flexslew_lab.identification.files.npz import read_npz_columns
 from flexslew_lab.identification.files.parquet import read_parquet
 from flexslew_lab.identification.files.table import table_columns
 from flexslew_lab.identification.files.uff import read_uff

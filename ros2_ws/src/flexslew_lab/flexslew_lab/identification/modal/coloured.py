@@ -64,10 +64,9 @@ def coloured_fit(
 
 
 def noise_filters(record: Record) -> Matrix:
-    """Return A(q) of an ARX model of each output by least squares, (outputs, order + 1).
+    """Return A(q) of an ARX model of each output of a complete record on even ticks.
 
-    Args:
-        record: complete, on even ticks.
+    Shape (outputs, order + 1), by least squares.
     """
     u = np.vstack((record.effort, record.effort[-1:]))
     order = min(_ORDER, len(u) // (_ROWS * (u.shape[1] + 1) + 1))

@@ -103,10 +103,6 @@ def gain(solution: Solution, mode: Oscillator) -> float:
 
     With its columns X made orthogonal to those of the fit, X' = (1 - P) X, it is
     |r^T X' (X'^T X')^-1 X'^T r| / 2: nothing that is fitted already has to be solved again.
-
-    Args:
-        solution: a fit with its residual.
-        mode: that it lacks.
     """
     problem = solution.problem
     pair = problem.signals.responses(mode)

@@ -114,11 +114,7 @@ def clock_notes(name: str, t: Vector) -> list[str]:
 
 
 def resample_evenly(record: Record) -> Record:
-    """Return a record on ticks of one period: means of efforts, outputs on lines between samples.
-
-    Args:
-        record: at the times of its samples.
-    """
+    """Return a record on ticks of one period: mean efforts, outputs on lines between samples."""
     if record.steps is None and record.is_complete:
         return record
     t, h = record.times, record.period

@@ -53,10 +53,6 @@ class FrequencyResponse:
 def period_count(plan: Plan, ticks: int) -> int:
     """Return how many periods of every experiment were flown in so many ticks.
 
-    Args:
-        plan: of a multisine.
-        ticks: since its start.
-
     Raises:
         BadInput: it is no multisine of at least three periods.
     """

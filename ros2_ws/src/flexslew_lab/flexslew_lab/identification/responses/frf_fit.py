@@ -108,11 +108,7 @@ def identify_responses(
 
 
 def common_poles(responses: MeasuredResponses) -> Poles:
-    """Return the poles of a common denominator in z for every order.
-
-    Args:
-        responses: measured.
-    """
+    """Return the poles of a common denominator in z for every order."""
     w = responses.frequency
     period = np.pi / w[-1]
     size = np.abs(responses.values).std(axis=0) + 1e-300

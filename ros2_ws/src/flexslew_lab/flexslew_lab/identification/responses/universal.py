@@ -114,12 +114,7 @@ def write_model(path: Path, model: ModalModel, response: FrequencyResponse | Non
 
 
 def write_response_model(path: Path, model: ResponseModel) -> None:
-    """Write the fitted frequency responses and their modes as a universal file.
-
-    Args:
-        path: of the file.
-        model: of frequency responses.
-    """
+    """Write the fitted frequency responses and their modes as a universal file."""
     responses = model.responses
     outputs, inputs = list(dict.fromkeys(responses.outputs)), list(dict.fromkeys(responses.inputs))
     nodes = {name: k for k, name in enumerate(dict.fromkeys((*outputs, *inputs)), 1)}
@@ -212,14 +207,7 @@ def read_modal_data(path: Path, mass: float) -> dict[str, Any]:
 
 
 def _datasets(path: Path, kind: int, entry: tuple[str, int], missing: str) -> list[Dataset]:
-    """Return the datasets of a type of which an entry has a value.
-
-    Args:
-        path: of the file.
-        kind: type of the datasets.
-        entry: its name and value.
-        missing: message if there are none.
-    """
+    """Return the datasets of a type of which an entry has a value."""
     name, value = entry
     found = [one for one in read_datasets(path, kind) if integer(path, one, name) == value]
     if not found:

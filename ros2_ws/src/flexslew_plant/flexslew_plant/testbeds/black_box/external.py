@@ -149,9 +149,6 @@ class ExternalTestbed:
 def described_by_program(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the keys of a section that its program describes, those given left out.
 
-    Args:
-        values: the section, with its command or serial port.
-
     Raises:
         BadInput: if the program cannot be started or breaks the protocol.
     """

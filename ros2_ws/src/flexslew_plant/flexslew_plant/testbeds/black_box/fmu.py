@@ -241,9 +241,6 @@ class FmuPlant:
 def described_by_fmu(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the SHA-256 of the file and where its joints start; {} if the section has them.
 
-    Args:
-        values: the section, plain.
-
     Raises:
         BadInput: if the FMU cannot be started, or has no such variables.
     """

@@ -39,10 +39,6 @@ class PlantAddress(NamedTuple):
     def link(self, hello: Hello, source: str = "") -> PlantLink:
         """Return the plant after it has described itself.
 
-        Args:
-            hello: for it.
-            source: the section, for errors.
-
         Raises:
             BadInput: it cannot be reached, or breaks the protocol.
         """

@@ -14,13 +14,7 @@ from flexslew_plant.processes.private_folder import cache_folder
 
 
 def generated(name: str, text: str, names: Mapping[str, Any]) -> Callable[..., Any]:
-    """Return the function that a text defines; what runs is the text, never the file.
-
-    Args:
-        name: name of the function.
-        text: its definition.
-        names: names that it uses in addition to built-in ones.
-    """
+    """Return the function that a text defines; what runs is the text, never the file."""
     digest = hashlib.sha256(text.encode()).hexdigest()[:24]
     path = cache_folder("generated", config.CACHE_DIR) / f"{name}_{digest}.py"
     _keep(path, text)

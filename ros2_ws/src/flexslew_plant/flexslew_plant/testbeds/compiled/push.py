@@ -16,12 +16,7 @@ Push: TypeAlias = Callable[[Vector, Vector, float, float, int, Vector], None]
 
 @cache
 def push_of(kernels: Kernels, add: Callable[..., None]) -> Push:
-    """Return what replaces v of a state at t by v + M^-1 f |span|; f: mean from t to t + span.
-
-    Args:
-        kernels: the equations.
-        add: the forces; see Outside.
-    """
+    """Return what replaces v of a state at t by v + M^-1 f |span|; f: mean from t to t + span."""
 
     @compiled_once("x")
     def push(p: Vector, numbers: Vector, t: float, span: float, m: int, x: Vector) -> None:

@@ -127,6 +127,15 @@ def _simplify(name: str, given: tuple[Value, ...]) -> Value:
     return None
 
 
+def _noted(name: str, swapped: bool = False) -> Callable[["Number", Value], Value]:
+    """Return the operator of a number and another value; swapped: the other one stands first."""
+
+    def noted(one: "Number", other: Value) -> Value:
+        return one.tape.operation(name, *((other, one) if swapped else (one, other)))
+
+    return noted
+
+
 class Number:
     """A result on a tape."""
 
@@ -135,37 +144,13 @@ class Number:
     def __init__(self, tape: Tape, index: int) -> None:
         self.tape, self.index = tape, index
 
-    def __add__(self, other: Value) -> Value:
-        """Note a sum."""
-        return self.tape.operation("+", self, other)
-
-    def __radd__(self, other: Value) -> Value:
-        """Note a sum."""
-        return self.tape.operation("+", other, self)
-
-    def __sub__(self, other: Value) -> Value:
-        """Note a difference."""
-        return self.tape.operation("-", self, other)
-
-    def __rsub__(self, other: Value) -> Value:
-        """Note a difference."""
-        return self.tape.operation("-", other, self)
-
-    def __mul__(self, other: Value) -> Value:
-        """Note a product."""
-        return self.tape.operation("*", self, other)
-
-    def __rmul__(self, other: Value) -> Value:
-        """Note a product."""
-        return self.tape.operation("*", other, self)
-
-    def __truediv__(self, other: Value) -> Value:
-        """Note a quotient."""
-        return self.tape.operation("/", self, other)
-
-    def __rtruediv__(self, other: Value) -> Value:
-        """Note a quotient."""
-        return self.tape.operation("/", other, self)
+    __add__, __radd__ = _noted("+"), _noted("+", swapped=True)
+    __sub__, __rsub__ = _noted("-"), _noted("-", swapped=True)
+    __mul__, __rmul__ = _noted("*"), _noted("*", swapped=True)
+    __truediv__, __rtruediv__ = _noted("/"), _noted("/", swapped=True)
+    __lt__, __gt__ = _noted("<"), _noted("<", swapped=True)
+    __ge__, __le__ = _noted(">="), _noted(">=", swapped=True)
+    __and__ = _noted("&")
 
     def __neg__(self) -> Value:
         """Note the negative."""
@@ -186,26 +171,6 @@ class Number:
         if power == 0.5:
             return self.tape.operation("sqrt", self)
         raise TraceError(f"a power of {power}")
-
-    def __lt__(self, other: Value) -> Any:
-        """Note a comparison."""
-        return self.tape.operation("<", self, other)
-
-    def __ge__(self, other: Value) -> Any:
-        """Note a comparison."""
-        return self.tape.operation(">=", self, other)
-
-    def __gt__(self, other: Value) -> Any:
-        """Note a comparison."""
-        return self.tape.operation("<", other, self)
-
-    def __le__(self, other: Value) -> Any:
-        """Note a comparison."""
-        return self.tape.operation(">=", other, self)
-
-    def __and__(self, other: Value) -> Any:
-        """Note that both hold."""
-        return self.tape.operation("&", self, other)
 
     def __eq__(self, other: object) -> bool:
         """Return False for any other value: no member is taken to be idle."""

@@ -93,12 +93,7 @@ def initial_state(testbed: Testbed) -> Vector:
 
 
 def initial_states(testbeds: Sequence[Testbed], models: Sequence[Model]) -> Matrix:
-    """Return [q, v] of many testbeds of one kind at the start, a row each; see initial_state.
-
-    Args:
-        testbeds: with states of one size.
-        models: of them.
-    """
+    """Return [q, v] of many testbeds of one kind at the start, a row each; see initial_state."""
     found = list[Vector]()
     known: Any = None
     for testbed, model in zip(testbeds, models, strict=True):

@@ -5,7 +5,7 @@ from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from flexslew_plant.arrays import EMPTY, Matrix, Vector, called, compiled
+from flexslew_plant.arrays import EMPTY, Matrix, Vector, compiled
 
 # from the platform at a tick to the reading; called once a tick, in order
 Reader: TypeAlias = Callable[["BodyState"], Vector]
@@ -116,19 +116,3 @@ def channels(instrument: Instrument) -> slice:
 def noisy(noise: float, rng: np.random.Generator | None) -> float:
     """Return what a noise is with a generator of random numbers; without one there is none."""
     return 0.0 if rng is None else noise
-
-
-def white_reader(
-    read: Read, instrument: Instrument, noise: float, rng: np.random.Generator | None
-) -> CompiledReader:
-    """Return the reader of an instrument with white noise of one size in all channels."""
-    size = noisy(noise, rng)
-    normal = len(instrument.axes) if size else 0
-    return CompiledReader(read, np.array([size]), np.zeros(0), 0, normal)
-
-
-@called
-def write_white(exact: Vector, constants: Vector, samples: Vector, out: Vector) -> None:
-    """Write exact readings with the noise of a white_reader."""
-    for i in range(out.size):
-        out[i] = exact[i] + (constants[0] * samples[i] if samples.size else 0.0)

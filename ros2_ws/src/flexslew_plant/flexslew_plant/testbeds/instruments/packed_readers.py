@@ -8,14 +8,11 @@ import numpy as np
 from flexslew_plant.arrays import Indices, Matrix, Vector, compiled_once
 from flexslew_plant.testbeds.instruments.gyro import read_gyro
 from flexslew_plant.testbeds.instruments.instrument import CompiledReader, Instrument, Read
-from flexslew_plant.testbeds.instruments.resolver import read_resolver
+from flexslew_plant.testbeds.instruments.rotor_sensors import read_rotors
 from flexslew_plant.testbeds.instruments.star_tracker import read_star_tracker
 from flexslew_plant.testbeds.instruments.sun_sensor import read_sun_sensor
-from flexslew_plant.testbeds.instruments.tachometer import read_tachometer
 
-_READS: tuple[Read, ...] = (
-    read_gyro, read_star_tracker, read_sun_sensor, read_tachometer, read_resolver,
-)  # fmt: skip
+_READS: tuple[Read, ...] = (read_gyro, read_star_tracker, read_sun_sensor, read_rotors)
 
 
 def are_packed(instruments: Sequence[Instrument], period: float) -> bool:
@@ -111,7 +108,5 @@ def read_instruments(
             read_star_tracker(k, given, body, drawn, own, out)
         elif at[0] == 2:
             read_sun_sensor(k, given, body, drawn, own, out)
-        elif at[0] == 3:
-            read_tachometer(k, given, body, drawn, own, out)
         else:
-            read_resolver(k, given, body, drawn, own, out)
+            read_rotors(k, given, body, drawn, own, out)

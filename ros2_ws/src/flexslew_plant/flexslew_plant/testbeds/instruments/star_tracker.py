@@ -79,11 +79,6 @@ class StarTracker:
         found: Matrix = cross_axis + self.settings.about**2 * roll
         return found
 
-    def covariance_at(self, rate: float) -> Matrix:
-        """Return the covariance of its noise at a rate [rad/s], shape (3, 3) [rad^2]."""
-        found: Matrix = self.covariance + (self.settings.rate_noise * rate) ** 2 * np.eye(3)
-        return found
-
     def reader(self, period: float, rng: np.random.Generator | None) -> CompiledReader:
         """Return what reads it; see Instrument."""
         s, late = self.settings, self.delay_ticks(period)

@@ -111,32 +111,6 @@ def _write_rotation_vectors(attitude: Matrix, rotation: Matrix) -> None:
         )
 
 
-def relative_rotation(measured: Vector, goal: Vector) -> Vector:
-    """Return the rotation q_measured^-1 q_goal as a rotation vector in body axes, the shorter way.
-
-    Args:
-        measured: rotation vectors, shape (..., 3) [rad].
-        goal: rotation vectors, shape (3,) or (..., 3) [rad].
-
-    Returns:
-        shape (..., 3), no longer than pi [rad].
-    """
-    a, b = np.broadcast_arrays(measured, goal) if measured.shape != goal.shape else (measured, goal)
-    relative = np.empty(a.shape)
-    _write_relative_rotations(_rows(a), _rows(b), relative.reshape(-1, 3))
-    return relative
-
-
-@compiled_once("relative")
-def _write_relative_rotations(measured: Matrix, goal: Matrix, relative: Matrix) -> None:
-    for k in range(len(measured)):
-        inverse = quaternion_of(-measured[k, 0], -measured[k, 1], -measured[k, 2])
-        target = quaternion_of(goal[k, 0], goal[k, 1], goal[k, 2])
-        relative[k, 0], relative[k, 1], relative[k, 2] = rotation_vector_of(
-            multiply(inverse, target)
-        )
-
-
 @compiled_once("left")
 def _write_errors(axes: Matrix, start: Matrix, end: Matrix, left: Matrix) -> None:
     """Write the errors of joints that read a turn over their differences, row by row."""

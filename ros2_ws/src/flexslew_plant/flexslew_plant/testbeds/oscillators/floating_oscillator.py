@@ -73,17 +73,14 @@ class FloatingOscillatorTestbed:
             JOINTS,
             JOINT_UNITS,
             self.modes,
-            self._appendages(),
+            # its stretch stands where others have the deflection of a tip
+            Appendages(("spring",), np.ones((1, 1)), np.zeros((1, 1))),
             scale_stiffness=scale_stiffness,
         )
 
     def initial_rates(self) -> Vector:
         """Return v at the start: what an impulse on the free mass leaves, shape (2,) [m/s]."""
         return np.array([0.0, self.initial.free_mass_rate])
-
-    def _appendages(self) -> Appendages:
-        """Return the spring: its stretch stands where others have the deflection of a tip."""
-        return Appendages(("spring",), np.ones((1, 1)), np.zeros((1, 1)))
 
     def scaled(self, stiffness: float = 1.0, payload: float = 1.0) -> "FloatingOscillatorTestbed":
         """Return it with another stiffness, as a factor [-].

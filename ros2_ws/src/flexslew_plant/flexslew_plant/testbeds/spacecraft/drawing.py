@@ -1,6 +1,7 @@
 """How a spacecraft is drawn: its frames, its bent appendages and its robot description."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.robot_model import (
@@ -30,23 +31,7 @@ _JOINTS = (at.FORCE, at.TORQUE, at.HINGE, at.WHEEL, at.GYRO)  # what the others 
 
 def quaternion(axes: Matrix) -> Quaternion:
     """Return x, y, z, w of the frame with the given direction cosines (from its parent)."""
-    r = axes.T
-    scale = np.array(
-        [
-            1.0 + r[0, 0] - r[1, 1] - r[2, 2],
-            1.0 - r[0, 0] + r[1, 1] - r[2, 2],
-            1.0 - r[0, 0] - r[1, 1] + r[2, 2],
-            1.0 + np.trace(r),
-        ]
-    )
-    rows = {
-        0: (scale[0], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[2, 1] - r[1, 2]),
-        1: (r[0, 1] + r[1, 0], scale[1], r[1, 2] + r[2, 1], r[0, 2] - r[2, 0]),
-        2: (r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], scale[2], r[1, 0] - r[0, 1]),
-        3: (r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], scale[3]),
-    }
-    q = np.array(rows[int(np.argmax(scale))])
-    x, y, z, w = (q / np.linalg.norm(q)).tolist()
+    x, y, z, w = Rotation.from_matrix(axes.T).as_quat().tolist()
     return x, y, z, w
 
 

@@ -34,13 +34,7 @@ def harmonics_of(wheel: WheelSettings) -> tuple[Harmonic, ...]:
 def packed_imbalance(
     spacecraft: Spacecraft, wheels: Mapping[str, WheelSettings], units: Units
 ) -> Vector:
-    """Return the numbers that add_imbalance reads, none where all wheels are balanced.
-
-    Args:
-        spacecraft: the spacecraft.
-        wheels: its wheels' settings.
-        units: in which they are written.
-    """
+    """Return the numbers that add_imbalance reads, none where all wheels are balanced."""
     rows, first = [np.zeros(0)], len(spacecraft.hinged)
     for index, (wheel, known) in enumerate(zip(wheels.values(), spacecraft.wheels, strict=True)):
         angle = _PLATFORM_Q + first + index

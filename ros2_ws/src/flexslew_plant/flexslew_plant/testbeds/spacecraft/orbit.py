@@ -9,14 +9,12 @@ hinges turned; J is that of the undeformed craft as its hinges stand. There is
 no shadow of the Earth, and its field is that of a dipole along the inertial z axis.
 """
 
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Annotated, cast
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from flexslew_plant.arrays import Matrix, Vector, compiled_once
+from flexslew_plant.arrays import Vector, compiled_once
 from flexslew_plant.settings import NonNegative, section
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
@@ -29,7 +27,7 @@ from flexslew_plant.testbeds.spacecraft.equations.geometry import (
     triple,
 )
 from flexslew_plant.testbeds.spacecraft.settings import Triple
-from flexslew_plant.testbeds.spacecraft.shapes.integrals import SYMMETRIC_ENTRIES
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import SYMMETRIC_ENTRIES, point_inertia
 
 GRAVITY = 3.986004418e14  # of the Earth [m^3/s^2]
 RADIUS = 6.371e6  # of the Earth [m]
@@ -64,65 +62,12 @@ class Orbit:
     sun: Triple = (1.0, 0.0, 0.0)  # direction to the Sun in inertial space, of any length
 
 
-@dataclass(frozen=True)
-class OrbitEnvironment:
-    """A craft on its orbit.
-
-    Args:
-        orbit: its settings, in SI.
-        inertia: of the undeformed craft about its centre of mass, hinges at zero, shape (3, 3).
-    """
-
-    orbit: Orbit
-    inertia: Matrix
-
-    @cached_property
-    def distance(self) -> float:
-        """From the centre of the Earth [m]."""
-        return RADIUS + self.orbit.altitude
-
-    @cached_property
-    def rate(self) -> float:
-        """Of the orbit, n [rad/s]."""
-        return float(np.sqrt(GRAVITY / self.distance**3))
-
-    @cached_property
-    def packed(self) -> Vector:
-        """The numbers that orbit_torque reads, shape (ORBIT_SIZE,)."""
-        o, packed = self.orbit, np.zeros(ORBIT_SIZE)
-        dynamic = 0.5 * o.air_density * (self.rate * self.distance) ** 2  # pressure of the air
-        field = FIELD * (RADIUS / self.distance) ** 3
-        packed[_RATE], packed[_PHASE] = self.rate, o.phase
-        packed[_VELOCITY:_DIPOLE] = 0.0, np.cos(o.inclination), np.sin(o.inclination)
-        packed[_DIPOLE:_DRAG] = field * np.array(o.dipole)
-        packed[_DRAG:_LIGHT] = -dynamic * o.drag_area * np.array(o.drag_centre)
-        if o.solar_area:
-            packed[_LIGHT:_SUN] = -SOLAR_FORCE_PER_AREA * o.solar_area * np.array(o.solar_centre)
-            packed[_SUN:GRADIENT] = np.array(o.sun) / np.linalg.norm(o.sun)
-        if o.gravity_gradient:
-            packed[GRADIENT:GRADIENT_OF_ONE] = [
-                3.0 * self.rate**2 * self.inertia[k] for k in SYMMETRIC_ENTRIES
-            ]
-            packed[GRADIENT_OF_ONE] = 3.0 * self.rate**2
-        return packed
-
-    def torque(self, attitude: Matrix, t: float) -> Vector:
-        """Return the torque in body axes, shape (3,) [N m].
-
-        Args:
-            attitude: from inertial to body axes, shape (3, 3).
-            t: time [s].
-        """
-        rows = cast(Matrix3, tuple(attitude.ravel().tolist()))
-        return np.array(orbit_torque(self.packed, rows, t))
-
-
 @compiled_once()
 def orbit_torque(o: Vector, attitude: Matrix3, t: float) -> Triple:
     """Return the torque of an orbit in body axes [N m].
 
     Args:
-        o: Surroundings.packed.
+        o: see packed_orbit.
         attitude: from inertial to body axes, row by row.
         t: time [s].
     """
@@ -141,10 +86,24 @@ def orbit_torque(o: Vector, attitude: Matrix3, t: float) -> Triple:
 
 def packed_orbit(spacecraft: Spacecraft, orbit: Orbit | None) -> Vector:
     """Return the numbers that orbit_torque reads for a craft on an orbit, or on none."""
+    packed = np.zeros(ORBIT_SIZE)
     if orbit is None:
-        return np.zeros(ORBIT_SIZE)
-    mass, first, inertia = spacecraft.rigid()
-    center = first / mass
-    return OrbitEnvironment(
-        orbit, inertia - mass * (center @ center * np.eye(3) - np.outer(center, center))
-    ).packed
+        return packed
+    distance = RADIUS + orbit.altitude  # from the centre of the Earth [m]
+    rate = float(np.sqrt(GRAVITY / distance**3))
+    dynamic = 0.5 * orbit.air_density * (rate * distance) ** 2  # pressure of the air
+    packed[_RATE], packed[_PHASE] = rate, orbit.phase
+    packed[_VELOCITY:_DIPOLE] = 0.0, np.cos(orbit.inclination), np.sin(orbit.inclination)
+    packed[_DIPOLE:_DRAG] = FIELD * (RADIUS / distance) ** 3 * np.array(orbit.dipole)
+    packed[_DRAG:_LIGHT] = -dynamic * orbit.drag_area * np.array(orbit.drag_centre)
+    if orbit.solar_area:
+        pressure = -SOLAR_FORCE_PER_AREA * orbit.solar_area
+        packed[_LIGHT:_SUN] = pressure * np.array(orbit.solar_centre)
+        packed[_SUN:GRADIENT] = np.array(orbit.sun) / np.linalg.norm(orbit.sun)
+    if orbit.gravity_gradient:
+        mass, first, inertia = spacecraft.rigid()  # undeformed, hinges at zero
+        central = inertia - mass * point_inertia(first / mass)
+        factor = 3.0 * rate**2
+        packed[GRADIENT:GRADIENT_OF_ONE] = [factor * central[k] for k in SYMMETRIC_ENTRIES]
+        packed[GRADIENT_OF_ONE] = factor
+    return packed

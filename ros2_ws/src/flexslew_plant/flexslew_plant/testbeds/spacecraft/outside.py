@@ -27,14 +27,7 @@ from flexslew_plant.testbeds.spacecraft.units import Units
 def outside_of(
     spacecraft: Spacecraft, orbit: Orbit | None, wheels: Mapping[str, WheelSettings], units: Units
 ) -> Outside | None:
-    """Return the forces of the orbit and of wheels that are not balanced; None: there are none.
-
-    Args:
-        spacecraft: the spacecraft, with a free platform.
-        orbit: that it is on.
-        wheels: its wheels' settings.
-        units: in which these are written.
-    """
+    """Return what orbit and wheels off balance do to a free platform; None: nothing."""
     harmonics = packed_imbalance(spacecraft, wheels, units)
     if orbit is None and not harmonics.size:
         return None

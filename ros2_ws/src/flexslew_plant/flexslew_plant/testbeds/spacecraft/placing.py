@@ -108,9 +108,6 @@ def rotation_axes(spacecraft: Spacecraft) -> Matrix:
 
     Of a thruster it is the lever of its push about the body origin [m].
 
-    Args:
-        spacecraft: the spacecraft.
-
     Returns:
         shape (actuators, 3).
     """

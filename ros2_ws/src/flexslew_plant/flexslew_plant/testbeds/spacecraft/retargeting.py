@@ -69,12 +69,7 @@ def modal_effort(a: Appendage, mode: int, units: Units) -> float:
 
 
 def section_units(spacecraft: Spacecraft, units: Units) -> UnitSizes:
-    """Return the units of places, angles, modes and efforts in SI.
-
-    Args:
-        spacecraft: the spacecraft.
-        units: of its section.
-    """
+    """Return the units of places, angles, modes and efforts in SI."""
     platform_units = {at.FREE: [units.length] * 3 + [1.0] * 3, at.HELD: [], at.PIVOT: [1.0]}[
         spacecraft.motion
     ]

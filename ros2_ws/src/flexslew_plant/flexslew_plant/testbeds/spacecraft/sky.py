@@ -30,7 +30,7 @@ def sky_of(
         keep_out: cones of its section.
         sun: direction to the Sun if the orbit gives it, else None.
 
-        es:
+    Raises:
         BadInput: by key, a direction is none, that to the Sun is missing, or the platform is not
             free.
     """

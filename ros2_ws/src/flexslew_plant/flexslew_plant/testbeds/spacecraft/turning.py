@@ -10,6 +10,7 @@ from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.clamped import platform_inputs
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.settings import AppendageSettings
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import point_inertia
 
 _SAME = 1e-6  # relative difference by rounding alone
 
@@ -48,7 +49,8 @@ def rigid_rotation_efforts(spacecraft: Spacecraft, axis: Vector) -> RigidTurn:
     """
     mass, first, inertia = spacecraft.rigid()
     pivot = pivot_point(spacecraft)
-    pivot_inertia = inertia - mass * (_square(first / mass) - _square(first / mass - pivot))
+    centre = first / mass
+    pivot_inertia = inertia - mass * (point_inertia(centre) - point_inertia(centre - pivot))
     offset = first - mass * pivot
     force, moment = platform_inputs(spacecraft)
     force_supported = any(d.what == at.FORCE for d in spacecraft.drives)
@@ -101,12 +103,6 @@ def _hinge_motor_torque(
         )
         rate_torque[k] = a.axis @ rate_moment
     return motor_torque, rate_torque
-
-
-def _square(r: Vector) -> Vector:
-    """Return r.r 1 - r r^T, shape (3, 3)."""
-    square: Vector = r @ r * np.eye(3) - np.outer(r, r)
-    return square
 
 
 def keep_largest_modes(

@@ -21,7 +21,11 @@ from flexslew_plant.testbeds.spacecraft.settings import (
     Hinge,
     Motion,
 )
-from flexslew_plant.testbeds.spacecraft.shapes.integrals import Integrals, second_of
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import (
+    Integrals,
+    first_order_integrals,
+    second_of,
+)
 from flexslew_plant.testbeds.spacecraft.shapes.selected import select_modes
 from flexslew_plant.testbeds.spacecraft.units import Units
 
@@ -35,6 +39,7 @@ _HINGES = {
 }
 
 _PLAIN = Hinge()
+_NOTHING = first_order_integrals(0.0, np.zeros(3), np.zeros((3, 3)), *np.zeros((2, 3, 0)))
 
 # keys of a hinge by which kinds have them; a retarget turns a fixed one
 _ONLY = {
@@ -57,14 +62,18 @@ def appendage_of(name: str, a: AppendageSettings, units: Units, key: str) -> App
         if max(a.only_modes, default=0) > shape.modes:
             raise BadInput(f"1 to {shape.modes}", key=f"{key}.only_modes", value=max(a.only_modes))
         shape = select_modes(shape, [k - 1 for k in a.only_modes])
-    n = 0 if shape is None else shape.modes
-    integrals = _zero_integrals(n) if shape is None else shape.integrals
+    integrals = _NOTHING if shape is None else shape.integrals
     _require_known(a, integrals, key)
     if a.geometric_stiffness is False:
         integrals = replace(integrals, shortening=None)
     if a.body is not None:
         mass, first, inertia = rigid_body(a.body, units, f"{key}.body")
-        integrals = _with_rigid_body(integrals, mass, first, second_of(inertia))
+        integrals = replace(
+            integrals,
+            mass=integrals.mass + mass,
+            first=integrals.first + first,
+            second=integrals.second + second_of(inertia),
+        )
     h = a.hinge
     axes = orthonormal(h.axes, f"{key}.hinge.axes")
     if h.turned is not None:
@@ -117,34 +126,6 @@ def _require_known(a: AppendageSettings, integrals: Integrals, key: str) -> None
             f"{key}.geometric_stiffness: true is not allowed: the modal data have no key "
             "geometric_stiffness; leave it out or add the matrices to the file"
         )
-
-
-def _zero_integrals(n: int) -> Integrals:
-    return Integrals(
-        0.0,
-        np.zeros(3),
-        np.zeros((3, 3)),
-        np.zeros((3, n)),
-        np.zeros((3, n)),
-        np.zeros((n, 3, 3)),
-        np.zeros((n, n, 3, 3)),
-        np.zeros((n, n, 3)),
-    )
-
-
-def _with_rigid_body(i: Integrals, mass: float, first: Vector, second: Matrix) -> Integrals:
-    """Return the sums with a rigid body at the root, which no mode moves."""
-    return Integrals(
-        i.mass + mass,
-        i.first + first,
-        i.second + second,
-        i.translation,
-        i.rotation,
-        i.second_1,
-        i.second_2,
-        i.gyroscopic,
-        i.shortening,
-    )
 
 
 def _damping(

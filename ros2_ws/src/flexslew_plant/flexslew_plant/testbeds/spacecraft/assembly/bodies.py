@@ -4,12 +4,14 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.orientation.attitude import skew
 from flexslew_plant.testbeds.spacecraft.settings import (
     Body,
     Inertia,
     Rows,
     Triple,
 )
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import point_inertia
 from flexslew_plant.testbeds.spacecraft.units import Units
 
 
@@ -28,9 +30,7 @@ def require_physical(mass: float, first: Vector, inertia: Matrix, key: str) -> N
     """
     if not mass > 0.0:
         raise BadInput(f"{key}: mass {mass:g} kg is not positive")
-    centre = first / mass
-    central_inertia = inertia - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-    a, b, c = np.linalg.eigvalsh(central_inertia)
+    a, b, c = np.linalg.eigvalsh(inertia - mass * point_inertia(first / mass))
     rounding = 1e-12 * abs(inertia).max()  # of a point mass, which has no inertia of its own
     if a < -1e-9 * abs(c) - rounding or a + b < c * (1.0 - 1e-5) - rounding:
         raise BadInput(
@@ -74,7 +74,6 @@ def orthonormal(rows: Rows, key: str) -> Matrix:
 
 def rotation_matrix(axis: Vector, angle: float) -> Matrix:
     """Return the direction cosines of a frame turned by angle about axis, shape (3, 3)."""
-    x, y, z = axis
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    cosines: Matrix = np.eye(3) - np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew
+    across = skew(axis)
+    cosines: Matrix = np.eye(3) - np.sin(angle) * across + (1.0 - np.cos(angle)) * across @ across
     return cosines

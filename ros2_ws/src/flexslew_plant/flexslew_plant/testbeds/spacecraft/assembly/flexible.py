@@ -1,7 +1,8 @@
 """Flexible shapes of a trial file in SI, in appendage axes."""
 
 from collections.abc import Mapping
-from functools import lru_cache
+from dataclasses import replace
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -33,7 +34,7 @@ from flexslew_plant.testbeds.spacecraft.shapes.beam import (
 from flexslew_plant.testbeds.spacecraft.shapes.membrane import membrane
 from flexslew_plant.testbeds.spacecraft.shapes.modal_file import modal_shape, shape_of_data
 from flexslew_plant.testbeds.spacecraft.shapes.selected import (
-    TransformedShape,
+    MappedLine,
     select_modes,
     transform_point,
 )
@@ -119,16 +120,13 @@ def _beam(b: BeamSettings, units: Units, key: str) -> FlexibleShape:
             raise BadInput(f"1 to {largest}", key=f"{key}.modes", value=b.modes)
         tip = None if b.tip_body is None else _tip(b.tip_body, units, r, f"{key}.tip_body")
         shape = finite_element_beam(numbers, tip, b.elements, b.modes)
-    return FlexibleShape(
-        shape.integrals.seen_from(np.zeros(3), r.T),
-        shape.mass,
-        shape.stiffness,
-        transform_point(r, shape.tip),
-        shape.line @ r.T,
-        np.einsum("ab,kbn->kan", r, shape.line_shape),
-        None if shape.along is None else TransformedShape(r, shape.along),
-        None,
-        shape.tip_scaled,
+    return replace(
+        shape,
+        integrals=shape.integrals.seen_from(np.zeros(3), r.T),
+        tip=transform_point(r, shape.tip),
+        line=shape.line @ r.T,
+        line_shape=np.einsum("ab,kbn->kan", r, shape.line_shape),
+        along=None if shape.along is None else MappedLine(shape.along, partial(transform_point, r)),
     )
 
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.orientation.attitude import skew
 from flexslew_plant.testbeds.spacecraft.assembly.appendages import appendage_of
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import rigid_body, unit_direction
 from flexslew_plant.testbeds.spacecraft.assembly.craft import MomentGyro, Spacecraft, Wheel
@@ -97,9 +98,8 @@ def require_positive_definite(spacecraft: Spacecraft) -> None:
 
 
 def _rigid_block(mass: float, first: Vector, inertia: Matrix) -> Matrix:
-    x, y, z = first
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.block([[mass * np.eye(3), -skew], [skew, inertia]])
+    across = skew(first)
+    return np.block([[mass * np.eye(3), -across], [across, inertia]])
 
 
 def _gyro(name: str, g: MomentGyroSettings, units: Units) -> MomentGyro:

@@ -53,12 +53,6 @@ def symmetric_row(a: Vector, n: int, row: int, i: int) -> tuple[float, ...]:
 
 
 @called
-def _minus(a: Triple, b: Triple) -> Triple:
-    """Return a - b."""
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@called
 def unit_vector(k: int) -> Triple:
     """Return the unit vector k."""
     return 1.0 * (k == 0), 1.0 * (k == 1), 1.0 * (k == 2)

@@ -192,12 +192,6 @@ def finite_element_beam(
     """Return the lowest modes of a clamped beam by cubic elements, of modal mass one.
 
     A beam without torsional stiffness or inertia does not twist.
-
-    Args:
-        beam: its numbers.
-        tip: what it carries.
-        elements: how many of equal length.
-        modes: how many modes, the slowest first.
     """
     mass, stiffness = _assemble(beam, tip, elements)
     kept = np.arange(len(mass))

@@ -151,10 +151,33 @@ class Integrals:
         )
 
 
+def first_order_integrals(
+    mass: float, first: Vector, second: Matrix, translation: Matrix, rotation: Matrix
+) -> Integrals:
+    """Return sums without those of second order in q, as of a body or by participation factors."""
+    n = translation.shape[1]
+    return Integrals(
+        mass,
+        first,
+        second,
+        translation,
+        rotation,
+        np.zeros((n, 3, 3)),
+        np.zeros((n, n, 3, 3)),
+        np.zeros((n, n, 3)),
+    )
+
+
 def inertia_of(second: Matrix) -> Matrix:
     """Return tr(X) 1 - X for second moments X, over the last two indices."""
     trace = np.trace(second, axis1=-2, axis2=-1)
     inertia: Matrix = trace[..., None, None] * np.eye(3) - second
+    return inertia
+
+
+def point_inertia(r: Vector) -> Matrix:
+    """Return r.r 1 - r r^T, the inertia of a unit mass at r, shape (3, 3)."""
+    inertia: Matrix = r @ r * np.eye(3) - np.outer(r, r)
     return inertia
 
 

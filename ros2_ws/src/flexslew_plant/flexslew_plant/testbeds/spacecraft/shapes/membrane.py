@@ -7,6 +7,7 @@ stiff, so in-plane inertia forces f only add to its tension, by the stress N(f) 
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import jn_zeros, jv, jvp
@@ -16,6 +17,15 @@ from flexslew_plant.testbeds.spacecraft.shapes.integrals import Points, Shorteni
 from flexslew_plant.testbeds.spacecraft.shapes.shape import AppendagePoint, FlexibleShape
 
 RADIAL, ANGULAR = 24, 32  # points of the quadrature: exact to rounding for the first modes
+
+
+class _Mode(NamedTuple):
+    """A mode of a membrane: size J_k(zero r / a) times cos or sin of k phi."""
+
+    k: int  # nodal diameters
+    zero: float  # of J_k
+    part: int  # 0: cosine, 1: sine
+    size: float  # of a modal mass of one
 
 
 def membrane(
@@ -41,8 +51,9 @@ def membrane(
         rings: zeros along the radius, the rim included.
         poisson_ratio: Poisson's ratio of its material [-].
     """
+    scale = np.sqrt(np.pi * density) * radius
     modes = [
-        (k, float(zero), part)
+        _Mode(k, float(zero), part, (1.0 if k == 0 else np.sqrt(2.0)) / (scale * jv(k + 1, zero)))
         for k in range(waves + 1)
         for part in ((0,) if k == 0 else (0, 1))
         for zero in jn_zeros(k, rings)
@@ -51,24 +62,24 @@ def membrane(
     r, phi = radius * (1.0 + x) / 2.0, 2.0 * np.pi * np.arange(ANGULAR) / ANGULAR
     weights = np.outer(w * radius / 2.0 * r, np.full(ANGULAR, 2.0 * np.pi / ANGULAR)) * density
     rr, angle = (grid.ravel() for grid in np.meshgrid(r, phi, indexing="ij"))
-    deflection = _deflection(modes, rr, angle, radius, density)
+    deflection = _deflection(modes, rr, angle, radius)
     place = np.stack((rr * np.cos(angle), rr * np.sin(angle), np.full(rr.size, height)), axis=1)
     shape = np.zeros((rr.size, 3, len(modes)))
     shape[:, 2] = deflection
     zeros = np.zeros((rr.size, 3, len(modes), len(modes)))
     sums = integrals_of(Points(place, weights.ravel(), shape, zeros))
     stress = _stress(place[:, :2], radius, poisson_ratio)
-    slopes = _slopes(modes, rr, angle, radius, density)
+    slopes = _slopes(modes, rr, angle, radius)
     load_sums = -np.einsum("k,klab,kai,kbj->ijl", weights.ravel(), stress, slopes, slopes)
     geometric = _shortening(load_sums, height)
-    frequencies = np.array([wave_speed * zero / radius for _, zero, _ in modes])
+    frequencies = np.array([wave_speed * zero / radius for _, zero, _, _ in modes])
     centre = np.zeros((3, len(modes)))
-    centre[2] = _deflection(modes, np.zeros(1), np.zeros(1), radius, density)[0]
+    centre[2] = _deflection(modes, np.zeros(1), np.zeros(1), radius)[0]
     zero_slope = np.zeros((3, len(modes)))
     s = np.linspace(-radius, radius, 21)
     line = np.stack((s, np.zeros_like(s), np.full_like(s, height)), axis=1)
     line_shape = np.zeros((len(s), 3, len(modes)))
-    line_shape[:, 2] = _deflection(modes, abs(s), np.where(s < 0.0, np.pi, 0.0), radius, density)
+    line_shape[:, 2] = _deflection(modes, abs(s), np.where(s < 0.0, np.pi, 0.0), radius)
     return FlexibleShape(
         replace(sums, shortening=geometric),
         np.ones(len(modes)),
@@ -79,34 +90,20 @@ def membrane(
     )
 
 
-def _deflection(
-    modes: list[tuple[int, float, int]],
-    r: Vector,
-    angle: Vector,
-    radius: float,
-    density: float,
-) -> Vector:
+def _deflection(modes: list[_Mode], r: Vector, angle: Vector, radius: float) -> Vector:
     """Return w of every mode at polar places, shape (places, modes)."""
     columns = []
-    for k, zero, part in modes:
-        size = (1.0 if k == 0 else np.sqrt(2.0)) / (
-            np.sqrt(np.pi * density) * radius * jv(k + 1, zero)
-        )
+    for k, zero, part, size in modes:
         angular_part = np.sin(k * angle) if part else np.cos(k * angle)
         columns.append(size * jv(k, zero * r / radius) * angular_part)
     deflections: Vector = np.stack(columns, axis=1)
     return deflections
 
 
-def _slopes(
-    modes: list[tuple[int, float, int]], r: Vector, angle: Vector, radius: float, density: float
-) -> Matrix:
+def _slopes(modes: list[_Mode], r: Vector, angle: Vector, radius: float) -> Matrix:
     """Return dw/dx and dw/dy of every mode at polar places, shape (places, 2, modes)."""
     columns = []
-    for k, zero, part in modes:
-        size = (1.0 if k == 0 else np.sqrt(2.0)) / (
-            np.sqrt(np.pi * density) * radius * jv(k + 1, zero)
-        )
+    for k, zero, part, size in modes:
         angular_part, angular_slope = (
             (np.sin(k * angle), k * np.cos(k * angle))
             if part

@@ -43,6 +43,7 @@ from flexslew_plant.testbeds.spacecraft.shapes.integrals import (
     Integrals,
     Points,
     Shortening,
+    first_order_integrals,
     integrals_of,
     second_of,
 )
@@ -113,10 +114,6 @@ def _shape_of(path: Path, content: bytes) -> FlexibleShape:
 
 def shape_of_data(data: dict[str, Any], path: Path) -> FlexibleShape:
     """Return the shape that modal data describe, in SI.
-
-    Args:
-        data: by the keys above.
-        path: of their file, for an error.
 
     Raises:
         BadInput: see modal_shape.
@@ -316,16 +313,8 @@ def _from_participation(
     translation, rotation = (
         array_of(data, key, (3, n), path) for key in ("translation", "rotation")
     )
-    return Integrals(
-        weight,
-        first,
-        second_of(inertia),
-        translation,
-        rotation,
-        np.zeros((n, 3, 3)),
-        np.zeros((n, n, 3, 3)),
-        np.zeros((n, n, 3)),
-    ), mass
+    second = second_of(inertia)
+    return first_order_integrals(weight, first, second, translation, rotation), mass
 
 
 def _geometric(data: dict[str, Any], n: int, path: Path) -> Shortening | None:

@@ -1,5 +1,7 @@
 """A shape with some of its modes, or seen in other axes."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -13,18 +15,18 @@ from flexslew_plant.testbeds.spacecraft.shapes.shape import (
 )
 
 
-class _ModeSubset(NamedTuple):
-    """Places along a shape of which some modes count."""
+class MappedLine(NamedTuple):
+    """Places along a shape, each changed: some of its modes, or other axes."""
 
     along: DeflectionLine
-    modes: list[int]
+    change: Callable[[AppendagePoint], AppendagePoint]
 
     def point(self, s: float) -> AppendagePoint:
-        """Return what these modes do at the distance s."""
-        return _mode_subset(self.along.point(s), self.modes)
+        """Return what the modes do at the distance s."""
+        return self.change(self.along.point(s))
 
 
-def _mode_subset(point: AppendagePoint, n: list[int]) -> AppendagePoint:
+def _mode_subset(n: list[int], point: AppendagePoint) -> AppendagePoint:
     return AppendagePoint(
         point.place, point.displacement[:, n], point.turn[:, n], point.curvature[:, n]
     )
@@ -47,24 +49,13 @@ def select_modes(shape: FlexibleShape, n: list[int]) -> FlexibleShape:
         ),
         shape.mass[n],
         shape.stiffness[n],
-        _mode_subset(shape.tip, n),
+        _mode_subset(n, shape.tip),
         shape.line,
         shape.line_shape[:, :, n],
-        None if shape.along is None else _ModeSubset(shape.along, n),
+        None if shape.along is None else MappedLine(shape.along, partial(_mode_subset, n)),
         None if shape.damping is None else shape.damping[np.ix_(n, n)],
         shape.tip_scaled,
     )
-
-
-class TransformedShape(NamedTuple):
-    """Places along a beam, in appendage axes."""
-
-    axes: Matrix  # beam to appendage
-    along: DeflectionLine
-
-    def point(self, s: float) -> AppendagePoint:
-        """Return what the modes do at the distance s."""
-        return transform_point(self.axes, self.along.point(s))
 
 
 def transform_point(r: Matrix, point: AppendagePoint) -> AppendagePoint:

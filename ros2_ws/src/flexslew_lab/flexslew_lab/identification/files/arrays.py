@@ -1,4 +1,4 @@
-"""Variables of a .mat file of MATLAB, versions 5 to 7.3, without its objects."""
+"""Variables of a .mat file of MATLAB, versions 5 to 7.3, and of an .npz file; no objects."""
 
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,8 @@ from flexslew_lab.identification.files.columns import Choose
 from flexslew_plant.errors import BadInput
 from flexslew_plant.given_file import LARGEST, open_given
 from flexslew_plant.mat_file import read_mat
+from flexslew_plant.npz_file import LARGEST as LARGEST_NPZ
+from flexslew_plant.npz_file import read_npz
 
 _MOST = 16_000_000  # numbers of a variable
 
@@ -27,3 +29,17 @@ def read_mat_columns(path: Path, choose: Choose) -> dict[str, NDArray[Any]]:
     except (OSError, ValueError) as error:
         raise BadInput(f"cannot be read: {error}", path) from None
     return {name: np.asarray(variables[name]) for name in names}
+
+
+def read_npz_columns(path: Path, choose: Choose) -> dict[str, NDArray[Any]]:
+    """Return arrays of an .npz file.
+
+    Raises:
+        BadInput: if it is damaged, too large, holds objects, or an array is missing.
+    """
+    open_given(path, LARGEST_NPZ).close()
+    try:
+        arrays = read_npz(path)
+    except (OSError, ValueError) as error:
+        raise BadInput(f"cannot be read: {error}", path) from None
+    return {name: arrays[name] for name in choose(tuple(arrays))}
