@@ -12,6 +12,7 @@ from tests.control.planners.minimax.test_minimax_three_axes import (
     PERIOD,
     QUICK,
     derivatives_and_flights,
+    flown_members,
     with_booms,
 )
 from tests.control.planners.time_optimal.three_axes.test_three_axes_flexible import AXES
@@ -26,7 +27,7 @@ from flexslew_control.planners.minimax.members import members_of
 from flexslew_control.planners.minimax.minimax_feedforward import question_of
 from flexslew_control.planners.minimax.nonlinear_path import channels
 from flexslew_control.planners.minimax.question import Question
-from flexslew_control.planners.minimax.search import search_of, smooth
+from flexslew_control.planners.minimax.search import smooth
 from flexslew_control.planners.slew import slew_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
@@ -108,7 +109,7 @@ def test_every_member_keeps_to_cones_and_rates_and_leaves_what_was_promised(
     asked = question(plant, goal, duration=duration, **keys)
     plan = make_plan(plan_settings(values, "here"), plant, GAINS, law=LAW)
     start = smooth(asked, asked.grid())
-    assert passed(search_of(asked).ensemble, start) > 0.1  # the eigenaxis does not keep to them
+    assert passed(flown_members(asked), start) > 0.1  # the eigenaxis does not keep to them
     last, limit = len(plan.effort), keys.get("rate_limit")
     for error in ERRORS:
         flight = flown(plan, plant, error)
@@ -146,13 +147,12 @@ def test_what_is_passed_is_seen_at_the_depth_of_the_eigenaxis() -> None:
     direction = [float(np.sin(0.5)), 0.0, float(np.cos(0.5))]
     plant = with_booms(keep_out={"sun": {"direction": direction, "half_angle": 0.2}})
     asked = question(plant, {"pitch": 1.0}, duration=20.0, ensemble={"vary": {}})
-    search = search_of(asked)
     # the boresight goes through the axis of the cone, between two of the points looked at
-    weights = smooth(asked, search.grid)
-    assert passed(search.ensemble, weights) == pytest.approx(1.0, abs=0.02)
+    weights = smooth(asked, asked.grid())
+    assert passed(flown_members(asked), weights) == pytest.approx(1.0, abs=0.02)
     aside = with_booms(keep_out={"sun": {"direction": [0.0, 1.0, 0.0], "half_angle": 0.2}})
     asked = question(aside, {"pitch": 1.0}, duration=20.0, ensemble={"vary": {}})
-    most = passed(search_of(asked).ensemble, weights)
+    most = passed(flown_members(asked), weights)
     assert most == pytest.approx(1.0 - 0.5 * np.pi / 0.2, abs=1e-3)  # a right angle away
 
 
