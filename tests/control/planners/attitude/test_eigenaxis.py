@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.control.planners.residuals import residual_of
 from tests.representatives import products, representatives, seeds
 
 from flexslew_control.controllers import build_controller
@@ -15,9 +16,8 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners import PLANNERS, make_plan, plan_settings
 from flexslew_control.planners.residual.prediction import MIN_MONITOR_TIME
 from flexslew_lab.reproduce.scole_flights import example_trial
-from flexslew_lab.run.in_process import run_bench
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.bench import Bench, BenchSettings, Truth
+from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import read_testbed
@@ -171,26 +171,6 @@ def test_a_sphere_turns_half_round_about_the_eigenaxis_in_twice_the_root_of_pi()
     assert plan.duration == pytest.approx(2.0 * np.sqrt(np.pi), abs=1e-6)  # 3.5449
 
 
-class _Left:
-    """Largest tip deflection and attitude errors after a plan's end."""
-
-    def __init__(self, plan: Plan, bench: Bench) -> None:
-        self.plan, self.model = plan, bench.model
-        self.tip, self.away = 0.0, np.zeros(len(plan.joint_names))
-
-    def truth(self, truth: Truth) -> None:
-        if truth.time >= self.plan.end - 1e-9:
-            at = self.model.joint_state(np.concatenate((truth.position, truth.velocity)))[0]
-            off = self.model.joint_error(at, self.plan.position[-1])
-            self.away = np.maximum(self.away, abs(off))
-            self.tip = max(self.tip, float(abs(truth.tip_deflection).max()))
-
-    def question(self, question: Any) -> None:
-        return
-
-    answer = event = question
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", seeds(20))
 def test_flexible_slews_of_30_degrees_about_any_axis_fly_as_predicted(seed: int) -> None:
@@ -211,14 +191,12 @@ def test_flexible_slews_of_30_degrees_about_any_axis_fly_as_predicted(seed: int)
     duration = float(np.ceil(plan.end + MIN_MONITOR_TIME))
     flying = Bench(BenchSettings(testbed=testbed, period=bench.period, duration=duration))
     it = build_controller("pd_feedforward", "pd_feedforward", gains, bench, "here")
-    assert it.adopt(plan) is None
-    left = _Left(plan, flying)
-    run_bench(flying, {it.name: it}, left)
+    left = residual_of(plan, flying, {it.name: it})
     predicted = plan.summary["predicted_residual_attitude_error"]
     assert left.tip == pytest.approx(plan.summary["predicted_residual_tip_deflection"], abs=1e-8)
-    np.testing.assert_allclose(left.away, [predicted[name] for name in NAMES], atol=1e-8)
+    np.testing.assert_allclose(left.joints, [predicted[name] for name in NAMES], atol=1e-8)
     assert left.tip < 1e-5
-    assert left.away.max() < 1e-5
+    assert left.joints.max() < 1e-5
 
 
 def test_a_joint_that_does_not_turn_the_craft_does_not_go_along() -> None:
