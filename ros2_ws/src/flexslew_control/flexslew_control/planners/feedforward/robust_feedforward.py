@@ -46,12 +46,12 @@ from flexslew_control.planners.feedforward.optimized_feedforward import (
 )
 from flexslew_control.planners.held_efforts import joints_at_rest
 from flexslew_control.planners.progress import Progress, Update, ignore
-from flexslew_control.planners.slew import ExcessTorque, FeedbackKey, Slew
+from flexslew_control.planners.slew import ExcessTorque, FeedbackKey, Slew, joint_ranges
 from flexslew_control.planners.slewing import RESIDUAL_SHARE, SlewPlanner
 from flexslew_control.planners.trajectories import Profile
 from flexslew_control.shared_keys import DesignModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.errors import PlanFailed
 from flexslew_plant.known_joints import ByJoint
 from flexslew_plant.settings import NonNegative, Positive, section
 
@@ -108,29 +108,6 @@ def ensemble(settings: RobustFeedforward, slew: Slew) -> tuple[FeedforwardMember
                 FeedforwardMember(error, payload, replace(responses, model=model), settings.lever)
             )
     return tuple(members)
-
-
-def joint_range(settings: RobustFeedforward, slew: Slew) -> Matrix | None:
-    """Return the lowest and highest positions that are allowed, (2, joints); infinite where free.
-
-    Raises:
-        BadInput: a range names no joint, or start or goal are not strictly inside it.
-    """
-    if settings.joint_range is None:
-        return None
-    names = slew.model.joint_names
-    found = np.tile([[-np.inf], [np.inf]], len(names))
-    for name, (low, high) in settings.joint_range.items():
-        j = names.index(name)
-        if not low < min(slew.start[j], slew.goal[j]) <= max(slew.start[j], slew.goal[j]) < high:
-            raise BadInput(
-                f"the joint goes from {slew.start[j]:g} to {slew.goal[j]:g}, which must lie inside",
-                "plan",
-                f"joint_range.{name}",
-                [low, high],
-            )
-        found[:, j] = low, high
-    return found
 
 
 class _Found(NamedTuple):
@@ -340,9 +317,9 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
     nominal = manoeuvre_of(slew, settings.duration, settings.reference)
     basis = Basis(settings.basis, settings.functions, settings.duration)
     free = 1.0 - settings.reserve
-    requested = joint_range(settings, slew)
-    inner = None
-    if requested is not None:
+    requested = inner = None
+    if settings.joint_range is not None:
+        requested = joint_ranges(settings.joint_range, slew, strict=True)
         ends = np.array((np.minimum(slew.start, slew.goal), np.maximum(slew.start, slew.goal)))
         inner = np.where(np.isfinite(requested), ends + free * (requested - ends), requested)
     problem = Problem(members, basis, settings.rho, free * slew.effort_limit, inner)
