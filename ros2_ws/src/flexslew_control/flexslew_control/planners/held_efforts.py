@@ -153,12 +153,6 @@ def _has_nominal_error(plan: Plan, goal: Vector, end: Vector, computed: float) -
     """Return whether the nominal states miss the goal by more than the hold changes them.
 
     Nominal states that are the flight under held efforts do not separate the two.
-
-    Args:
-        plan: with nominal states in continuous time.
-        goal: final state, shape (2 n,).
-        end: final state under the held efforts, shape (2 n,).
-        computed: error of the nominal states.
     """
     nominal_error, change = np.abs(goal - plan.state[-1]).max(), np.abs(end - plan.state[-1]).max()
     return bool(nominal_error > computed and nominal_error > change > 0.0)

@@ -236,8 +236,7 @@ def _require_rotation(testbed: Any, names: tuple[str, ...]) -> None:
     if joint_names != names:
         raise BadInput(
             f"plan: model: joints: {', '.join(joint_names)} is not allowed: a turn needs all "
-            "joints of "
-            f"the bench in their order, {', '.join(names)}"
+            f"joints of the bench in their order, {', '.join(names)}"
         )
 
 

@@ -57,9 +57,8 @@ from flexslew_plant.settings import NonNegative, Positive, section
 
 _HIGH_PRICE = 10.0  # of effort beyond its limit by all of it [m]: high against any vibration
 _SMALL_EXCESS, _REDUCTION = 0.2, 1.2  # share beyond the bound that is taken off it, and times this
-_EXCESS_RATIO = (
-    0.5  # share of its excess before that a dearer effort has where the bound can be kept
-)
+# share of its excess before that a dearer effort has where the bound can be kept
+_EXCESS_RATIO = 0.5
 _MAX_SEARCH = 4  # searches with a bound reduced by what bending the reference takes
 _GOAL_ERROR = 0.02  # of the way: what a dearer effort may leave of it at the end [-]
 
@@ -177,13 +176,6 @@ def _limited_weights(
 
     A price buys vibration with a little effort beyond the bound. The bound is reduced by what the
     members exceed it, then the price is raised.
-
-    Args:
-        problem: its effort_limit is what the efforts of all members may use.
-        settings: of the plan.
-        nominal: the slew without errors.
-        requested: the range of each joint, (2, joints) [rad or m]; None: free.
-        progress: called with every update of the first search.
     """
     first = _best_weights(problem, settings, progress)
     allowed = problem.effort_limit
@@ -229,9 +221,8 @@ def _require_range(requested: Matrix, position_range: Matrix, names: tuple[str, 
         if position_range[0, j] < requested[0, j] or position_range[1, j] > requested[1, j]:
             raise PlanFailed(
                 f"{name} swings from {position_range[0, j]:.4g} to {position_range[1, j]:.4g}, "
-                "joint_range allows "
-                f"{requested[0, j]:g} to {requested[1, j]:g}: ask for a longer duration, a larger "
-                "rho or a wider range"
+                f"joint_range allows {requested[0, j]:g} to {requested[1, j]:g}: ask for a longer "
+                "duration, a larger rho or a wider range"
             )
 
 

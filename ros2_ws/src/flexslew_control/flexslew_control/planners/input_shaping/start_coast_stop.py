@@ -213,13 +213,7 @@ def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progre
 
 
 def _residual_summary(settings: StartCoastStop, slew: Slew, q: Matrix, v: Matrix) -> dict[str, Any]:
-    """Return for the summary how far the tips swing on after the end, and a warning if they do.
-
-    Args:
-        settings: the `plan` section.
-        slew: what is turned.
-        q, v: nominal coordinates and rates, shape (times, n).
-    """
+    """Return for the summary how far the tips swing on after the end, and a warning if they do."""
     model, m = slew.model, slew.model.joints
     if settings.feedforward != "elastic" or not model.modes:
         return {}  # where the joints yield, the nominal modes are not those of the flight

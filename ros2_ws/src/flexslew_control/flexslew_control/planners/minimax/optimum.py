@@ -156,13 +156,7 @@ def _local(question: Question, members: tuple[Member, ...], report: Report) -> F
 
 
 def _extend_optimum(question: Question, found: Found, report: Report) -> Found:
-    """Return the optimum of a shorter slew, held at the goal until the end of a longer one.
-
-    Args:
-        question: what is sought.
-        found: of the shorter slew.
-        report: of the programs that were solved.
-    """
+    """Return the optimum of a shorter slew, held at the goal until the end of a longer one."""
     grid = found.grid.extend_until(question.ticks)
     if grid == found.grid:
         return found

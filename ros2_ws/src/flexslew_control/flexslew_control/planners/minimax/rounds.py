@@ -151,15 +151,7 @@ def _round(cones: Cones) -> tuple[bool, Optimum]:
 
 
 def _done(cones: Cones, goal: Goal, best: Optimum | None, found: Optimum, floor: float) -> bool:
-    """Return whether the best solution that keeps to the limits is good enough, or none can be.
-
-    Args:
-        cones: the program.
-        goal: when it counts as solved.
-        best: that keeps to the limits; None: none yet.
-        found: of this round.
-        floor: what residual and bound may differ by, of the way [m/rad or -].
-    """
+    """Return whether the best solution that keeps to the limits is good enough, or none can be."""
     if goal.target is not None and found.bound > goal.target:
         return True
     if best is None:

@@ -105,11 +105,6 @@ def local_optimum(
 def _require_limits(question: Question, merit: Merit, past: float) -> None:
     """Check that efforts keep to the limits, between the ticks too.
 
-    Args:
-        question: what is sought.
-        merit: what the efforts come to.
-        past: share by which they pass a limit of the path between the ticks [-].
-
     Raises:
         PlanFailed: they do not.
     """
