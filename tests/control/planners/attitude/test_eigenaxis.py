@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from tests.control.planners.residuals import residual_of
+from tests.plants import torques
 from tests.representatives import products, representatives, seeds
 
 from flexslew_control.controllers import build_controller
@@ -29,10 +30,6 @@ LIMIT = np.array([1.0, 0.7, 1.2])  # [N m]
 
 def rigid(start: Vector, inertia: Vector = INERTIA, limit: Vector = LIMIT) -> PlantDescription:
     """Return a rigid craft with a torque about each axis, at an attitude."""
-    torques = {
-        name: {"kind": "torque", "direction": axis.tolist(), "limit": float(most)}
-        for name, axis, most in zip(NAMES, np.eye(3), limit, strict=True)
-    }
     testbed = read_testbed(
         {
             "kind": "spacecraft",
@@ -41,7 +38,7 @@ def rigid(start: Vector, inertia: Vector = INERTIA, limit: Vector = LIMIT) -> Pl
                 "inertia": dict(zip(("xx", "yy", "zz"), inertia, strict=True)),
             },
             "appendages": {},
-            "actuators": torques,
+            "actuators": torques(*limit.tolist()),
             "initial": dict(zip(NAMES, start.tolist(), strict=True)),
         },
         "here",
@@ -113,10 +110,10 @@ def test_one_joint_that_is_not_turned_alone_is_turned_about_the_eigenaxis(
 @pytest.mark.parametrize("start", [0.0, 0.9])
 @pytest.mark.parametrize("goal", [{"yaw": 0.8}, {"axis": [1.0, 2.0, -0.5], "angle": 1.2}])
 def test_what_reads_the_place_of_a_point_goes_with_the_turn(goal: Any, start: float) -> None:
-    torques: Any = rigid(np.array([start, 0.0, 0.0])).testbed
+    craft: Any = rigid(np.array([start, 0.0, 0.0])).testbed
     push = {"kind": "force", "direction": [0.0, 1.0, 0.0], "place": [0.7, 0.1, 0.2], "limit": 5.0}
-    actuators: Any = {**plain(torques.actuators), "push": push}
-    bench = PlantDescription(replace(torques, actuators=actuators), 0.02, np.append(LIMIT, 5.0))
+    actuators: Any = {**plain(craft.actuators), "push": push}
+    bench = PlantDescription(replace(craft, actuators=actuators), 0.02, np.append(LIMIT, 5.0))
     bench = replace(bench, testbed=read_testbed(plain(bench.testbed), "here"))
     law = ActiveLaw("pd_feedforward", {"kp": [5.0], "kd": [10.0]})
     values = {"method": "input_shaping", "goal": goal, "duration": 30.0}
@@ -200,14 +197,8 @@ def test_flexible_slews_of_30_degrees_about_any_axis_fly_as_predicted(seed: int)
 
 
 def test_a_joint_that_does_not_turn_the_craft_does_not_go_along() -> None:
-    bench = rigid(np.zeros(3))
-    pushed = {
-        **{
-            name: {"kind": "torque", "direction": axis, "limit": 1.0}
-            for name, axis in zip(NAMES, np.eye(3).tolist(), strict=True)
-        },
-        "x": {"kind": "force", "direction": [1.0, 0.0, 0.0], "limit": 1.0},
-    }
+    push = {"kind": "force", "direction": [1.0, 0.0, 0.0], "limit": 1.0}
+    pushed = {**torques(1.0), "x": push}
     testbed = read_testbed({"kind": "spacecraft", "appendages": {}, "actuators": pushed}, "here")
     bench = PlantDescription(testbed, 0.02, np.full(4, 100.0))
     with pytest.raises(BadInput, match="one axis at a time"):

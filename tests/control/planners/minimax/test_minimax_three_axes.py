@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.control.planners.time_optimal.three_axes.test_three_axes_flexible import AXES, booms
+from tests.control.planners.time_optimal.three_axes.test_three_axes_flexible import with_booms
+from tests.plants import AXES
 from tests.present import present
 from tests.representatives import seeds
 
@@ -31,7 +32,6 @@ from flexslew_control.planners.minimax.turning_motion import platform_of
 from flexslew_control.planners.residual.whole_bench import ignored_settings, simulate_on_bench
 from flexslew_control.planners.slew import Feedback, slew_of
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.testbeds import read_testbed
 
 LIMIT, PERIOD = 1.5, 0.1
 GAINS = Feedback(kp=(20.0,), kd=(60.0,))
@@ -45,24 +45,14 @@ QUICK = {
 }
 
 
-def with_booms(**more: Any) -> PlantDescription:
-    """Return a craft with two booms, each with a mode across in each direction."""
-    values = {
-        "kind": "spacecraft",
-        "platform": {"mass": 150.0, "inertia": {"xx": 40.0, "yy": 60.0, "zz": 50.0}},
-        "appendages": booms(),
-        "actuators": {
-            name: {"kind": "torque", "direction": axis, "limit": LIMIT}
-            for name, axis in AXES.items()
-        },
-        **more,
-    }
-    return PlantDescription(read_testbed(values, "here"), PERIOD, np.full(3, LIMIT))
+def bench_with(**more: Any) -> PlantDescription:
+    """Return a bench with a craft with booms."""
+    return PlantDescription(with_booms(**more), PERIOD, np.full(3, LIMIT))
 
 
 @lru_cache
 def bench() -> PlantDescription:
-    return with_booms()
+    return bench_with()
 
 
 def planned(goal: Any, duration: float, **more: Any) -> Plan:

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from tests.control.planners.residuals import residual_of
-from tests.plants import plant
+from tests.plants import AXES, plant, torques
 from tests.representatives import products
 
 from flexslew_control.controllers import build_controller
@@ -19,7 +19,6 @@ from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Testbed, read_testbed
 
-AXES = {"roll": (1.0, 0.0, 0.0), "pitch": (0.0, 1.0, 0.0), "yaw": (0.0, 0.0, 1.0)}
 METHODS: dict[str, dict[str, Any]] = {
     "optimized_feedforward": {"duration": 30.0, "functions": 40},
     "robust_feedforward": {"duration": 30.0, "functions": 40},
@@ -79,15 +78,12 @@ def craft(rng: np.random.Generator) -> Testbed:
             "damping": {"ratio": float(rng.choice([0.0, 0.005]))},
         }
     inertia = {key: float(rng.uniform(40.0, 80.0)) for key in ("xx", "yy", "zz")}
-    torques = {
-        name: {"kind": "torque", "direction": axis, "limit": 4.0} for name, axis in AXES.items()
-    }
     return read_testbed(
         {
             "kind": "spacecraft",
             "platform": {"mass": 150.0, "inertia": inertia},
             "appendages": booms,
-            "actuators": torques,
+            "actuators": torques(4.0),
         },
         "test",
     )
