@@ -139,13 +139,10 @@ def _best_weights(problem: Problem, settings: RobustFeedforward, progress: Progr
     )
 
 
-def _check_limits(found: _Found, effort_limit: Vector, requested: Matrix | None) -> bool:
+def _check_limits(found: _Found, effort_limit: Vector, requested: Matrix) -> bool:
     """Return whether all members keep to the limits."""
-    kept = bool((found.peaks <= effort_limit).all())
-    if requested is None:
-        return kept
-    low, high = requested
-    return kept and bool((found.swing[0] >= low).all() and (found.swing[1] <= high).all())
+    kept = (found.peaks <= effort_limit).all() and (found.swing[0] >= requested[0]).all()
+    return bool(kept and (found.swing[1] <= requested[1]).all())
 
 
 def _ends_at_goal(nominal: Manoeuvre, basis: Basis, weights: Matrix) -> bool:
@@ -169,7 +166,7 @@ def _limited_weights(
     problem: Problem,
     settings: RobustFeedforward,
     nominal: Manoeuvre,
-    requested: Matrix | None,
+    requested: Matrix,
     progress: Progress,
 ) -> _Found:
     """Return weights with which all members keep to the limits; the first ones where none do.
@@ -259,7 +256,7 @@ def _best_plan(
     slew: Slew,
     nominal: Manoeuvre,
     problem: Problem,
-    requested: Matrix | None,
+    requested: Matrix,
     progress: Progress,
 ) -> tuple[_Found, Plan]:
     """Return weights and their plan, all efforts within the limits less the reserve.
@@ -275,8 +272,7 @@ def _best_plan(
     members = tuple(problem.members)
     for k in range(_MAX_SEARCH):
         found = _limited_weights(problem, settings, nominal, requested, ignore if k else progress)
-        if requested is not None:
-            _require_range(requested, found.swing, slew.model.joint_names)
+        _require_range(requested, found.swing, slew.model.joint_names)
         _require_torque(settings, slew, members, found.peaks)
         plan = _reference_plan(settings, slew, nominal, problem.basis, found)
         peak = abs(plan.effort).max(axis=0)
@@ -308,9 +304,8 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
     nominal = manoeuvre_of(slew, settings.duration, settings.reference)
     basis = Basis(settings.basis, settings.functions, settings.duration)
     free = 1.0 - settings.reserve
-    requested = inner = None
+    requested, inner = joint_ranges(settings.joint_range or {}, slew, strict=True), None
     if settings.joint_range is not None:
-        requested = joint_ranges(settings.joint_range, slew, strict=True)
         ends = np.array((np.minimum(slew.start, slew.goal), np.maximum(slew.start, slew.goal)))
         inner = np.where(np.isfinite(requested), ends + free * (requested - ends), requested)
     problem = Problem(members, basis, settings.rho, free * slew.effort_limit, inner)
