@@ -13,7 +13,7 @@ import numpy as np
 from flexslew_control.law import PlantDescription
 from flexslew_control.linear.free_platform import rate_outputs
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude.attitude_goal import SAME, nearest_rotation
+from flexslew_control.planners.attitude.attitude_goal import SAME
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.counted import count_text
@@ -221,9 +221,13 @@ def _axis_gains(feedback: Feedback, seen: Vector) -> Feedback:
 
 def continuous(rotation: Matrix) -> Matrix:
     """Return rotation vectors without jumps of a whole turn, shape (k, 3) [rad]."""
+    angle = np.linalg.norm(rotation, axis=1)
     path = rotation.copy()
     for k in range(1, len(path)):
-        path[k] = nearest_rotation(rotation[k], path[k - 1])
+        if angle[k] > 0.0:
+            axis = rotation[k] / angle[k]
+            turns = np.round((axis @ path[k - 1] - angle[k]) / (2.0 * np.pi))
+            path[k] = (angle[k] + 2.0 * np.pi * turns) * axis if turns else rotation[k]
     return path
 
 
