@@ -23,7 +23,7 @@ def figures() -> dict[str, float]:
     arcs = continued_durations(three)
     if arcs is None:
         raise RuntimeError("the benchmark's slew was not found")
-    command = np.linspace(0.0, 1.0, 2501)
+    ticks = np.linspace(0.0, 25.0, 2501)
     robust, shaped = (
         plan_settings({"method": name}, "") for name in ("robust_feedforward", "input_shaping")
     )
@@ -41,7 +41,7 @@ def figures() -> dict[str, float]:
     return {
         "shaping_floor_one_simulation_ms": _best(lambda: three.final(arcs)),
         "shaping_zvd_of_2500_ticks_ms": _best(
-            lambda: make_shaper("zvd", 0.338329).shape(command, 0.01)
+            lambda: make_shaper("zvd", 0.338329).shape(lambda t: np.clip(t / 25.0, 0.0, 1.0), ticks)
         ),
         "time_optimal_three_switches_ms": _best(lambda: continued_durations(three)),
         "time_optimal_five_switches_ms": _best(lambda: continued_durations(five)),

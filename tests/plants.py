@@ -11,6 +11,8 @@ from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.testbeds import Testbed, default_testbed
 
+AXES = {"roll": (1.0, 0.0, 0.0), "pitch": (0.0, 1.0, 0.0), "yaw": (0.0, 0.0, 1.0)}
+
 
 def plant(
     period: float = 0.01,
@@ -20,6 +22,15 @@ def plant(
     """Return the default testbed, or another one, on a bench."""
     efforts = np.array(limit, dtype=float)
     return PlantDescription(testbed or default_testbed(), period, efforts, ANY_CODE)
+
+
+def torques(*limits: float) -> dict[str, Any]:
+    """Return a torque about each axis of a craft, of one limit for all or one for each [N m]."""
+    most = limits if len(limits) > 1 else limits * 3
+    return {
+        name: {"kind": "torque", "direction": list(axis), "limit": limit}
+        for (name, axis), limit in zip(AXES.items(), most, strict=True)
+    }
 
 
 def with_dish(**motion: float) -> dict[str, Any]:
@@ -33,10 +44,7 @@ def with_dish(**motion: float) -> dict[str, Any]:
                 "body": {"mass": 8.0, "inertia": {"xx": 2.0, "yy": 2.0, "zz": 1.5}},
             }
         },
-        "actuators": {
-            name: {"kind": "torque", "direction": axis, "limit": 3.0}
-            for name, axis in zip(("roll", "pitch", "yaw"), np.eye(3).tolist(), strict=True)
-        },
+        "actuators": torques(3.0),
     }
 
 

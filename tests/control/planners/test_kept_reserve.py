@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from tests.plants import torques
 from tests.representatives import representatives
 
 from flexslew_control.law import ActiveLaw, PlantDescription
@@ -30,7 +31,6 @@ QUICK: dict[str, dict[str, Any]] = {
     "minimax_feedforward": {"pieces": 12, "ensemble": {"count": 3}, "max_steps": 8},
     "robust_feedforward": {"stiffness_errors": [-0.1, 0.0, 0.1]},
 }
-NAMES = ("roll", "pitch", "yaw")
 
 
 class Craft(NamedTuple):
@@ -51,10 +51,8 @@ def wheels(**changes: Any) -> Testbed:
     return read_testbed({**plain(example_trial("least_vibration", {}).testbed), **changes}, "here")
 
 
-def torques() -> Testbed:
-    limits = zip(NAMES, np.eye(3).tolist(), (0.5, 0.4, 0.6), strict=True)
-    given = {n: {"kind": "torque", "direction": axis, "limit": most} for n, axis, most in limits}
-    return wheels(wheels={}, actuators=given)
+def three_torques() -> Testbed:
+    return wheels(wheels={}, actuators=torques(0.5, 0.4, 0.6))
 
 
 def thrusters() -> Testbed:
@@ -72,11 +70,11 @@ ONE: Any = (({"yaw": 0.5}, 30.0), ({"pitch": 1.0}, 40.0))
 JETS = law(4.0, 9.0, gyroscopic=True, allocation={"kind": "thrusters"})
 GYROS = law(12.0, 60.0, gyroscopic=True, allocation={"kind": "control_moment_gyros"})
 CRAFT = {
-    "torques": Craft(torques, law(12.0, 60.0), 0.05, THREE),
+    "torques": Craft(three_torques, law(12.0, 60.0), 0.05, THREE),
     "wheels": Craft(wheels, law(12.0, 60.0), 0.05, THREE),
     "thrusters": Craft(thrusters, JETS, 0.1, ((SKEW, 60.0), (FAR, 100.0))),
     "gyros": Craft(of_trial("control_moment_gyros"), GYROS, 0.05, THREE),
-    "torque about one axis": Craft(torques, law(12.0, 60.0), 0.05, ONE),
+    "torque about one axis": Craft(three_torques, law(12.0, 60.0), 0.05, ONE),
     "wheel about one axis": Craft(wheels, law(12.0, 60.0), 0.05, ONE),
     "pivot": Craft(
         of_trial("setpoint_shaping"), law(2000.0, 8000.0), 0.02,

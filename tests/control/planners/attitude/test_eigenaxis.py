@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.control.planners.residuals import residual_of
+from tests.plants import torques
 from tests.representatives import products, representatives, seeds
 
 from flexslew_control.controllers import build_controller
@@ -15,9 +17,8 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners import PLANNERS, make_plan, plan_settings
 from flexslew_control.planners.residual.prediction import MIN_MONITOR_TIME
 from flexslew_lab.reproduce.scole_flights import example_trial
-from flexslew_lab.run.in_process import run_bench
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.bench import Bench, BenchSettings, Truth
+from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import read_testbed
@@ -29,10 +30,6 @@ LIMIT = np.array([1.0, 0.7, 1.2])  # [N m]
 
 def rigid(start: Vector, inertia: Vector = INERTIA, limit: Vector = LIMIT) -> PlantDescription:
     """Return a rigid craft with a torque about each axis, at an attitude."""
-    torques = {
-        name: {"kind": "torque", "direction": axis.tolist(), "limit": float(most)}
-        for name, axis, most in zip(NAMES, np.eye(3), limit, strict=True)
-    }
     testbed = read_testbed(
         {
             "kind": "spacecraft",
@@ -41,7 +38,7 @@ def rigid(start: Vector, inertia: Vector = INERTIA, limit: Vector = LIMIT) -> Pl
                 "inertia": dict(zip(("xx", "yy", "zz"), inertia, strict=True)),
             },
             "appendages": {},
-            "actuators": torques,
+            "actuators": torques(*limit.tolist()),
             "initial": dict(zip(NAMES, start.tolist(), strict=True)),
         },
         "here",
@@ -113,10 +110,10 @@ def test_one_joint_that_is_not_turned_alone_is_turned_about_the_eigenaxis(
 @pytest.mark.parametrize("start", [0.0, 0.9])
 @pytest.mark.parametrize("goal", [{"yaw": 0.8}, {"axis": [1.0, 2.0, -0.5], "angle": 1.2}])
 def test_what_reads_the_place_of_a_point_goes_with_the_turn(goal: Any, start: float) -> None:
-    torques: Any = rigid(np.array([start, 0.0, 0.0])).testbed
+    craft: Any = rigid(np.array([start, 0.0, 0.0])).testbed
     push = {"kind": "force", "direction": [0.0, 1.0, 0.0], "place": [0.7, 0.1, 0.2], "limit": 5.0}
-    actuators: Any = {**plain(torques.actuators), "push": push}
-    bench = PlantDescription(replace(torques, actuators=actuators), 0.02, np.append(LIMIT, 5.0))
+    actuators: Any = {**plain(craft.actuators), "push": push}
+    bench = PlantDescription(replace(craft, actuators=actuators), 0.02, np.append(LIMIT, 5.0))
     bench = replace(bench, testbed=read_testbed(plain(bench.testbed), "here"))
     law = ActiveLaw("pd_feedforward", {"kp": [5.0], "kd": [10.0]})
     values = {"method": "input_shaping", "goal": goal, "duration": 30.0}
@@ -171,26 +168,6 @@ def test_a_sphere_turns_half_round_about_the_eigenaxis_in_twice_the_root_of_pi()
     assert plan.duration == pytest.approx(2.0 * np.sqrt(np.pi), abs=1e-6)  # 3.5449
 
 
-class _Left:
-    """Largest tip deflection and attitude errors after a plan's end."""
-
-    def __init__(self, plan: Plan, bench: Bench) -> None:
-        self.plan, self.model = plan, bench.model
-        self.tip, self.away = 0.0, np.zeros(len(plan.joint_names))
-
-    def truth(self, truth: Truth) -> None:
-        if truth.time >= self.plan.end - 1e-9:
-            at = self.model.joint_state(np.concatenate((truth.position, truth.velocity)))[0]
-            off = self.model.joint_error(at, self.plan.position[-1])
-            self.away = np.maximum(self.away, abs(off))
-            self.tip = max(self.tip, float(abs(truth.tip_deflection).max()))
-
-    def question(self, question: Any) -> None:
-        return
-
-    answer = event = question
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", seeds(20))
 def test_flexible_slews_of_30_degrees_about_any_axis_fly_as_predicted(seed: int) -> None:
@@ -211,25 +188,17 @@ def test_flexible_slews_of_30_degrees_about_any_axis_fly_as_predicted(seed: int)
     duration = float(np.ceil(plan.end + MIN_MONITOR_TIME))
     flying = Bench(BenchSettings(testbed=testbed, period=bench.period, duration=duration))
     it = build_controller("pd_feedforward", "pd_feedforward", gains, bench, "here")
-    assert it.adopt(plan) is None
-    left = _Left(plan, flying)
-    run_bench(flying, {it.name: it}, left)
+    left = residual_of(plan, flying, {it.name: it})
     predicted = plan.summary["predicted_residual_attitude_error"]
     assert left.tip == pytest.approx(plan.summary["predicted_residual_tip_deflection"], abs=1e-8)
-    np.testing.assert_allclose(left.away, [predicted[name] for name in NAMES], atol=1e-8)
+    np.testing.assert_allclose(left.joints, [predicted[name] for name in NAMES], atol=1e-8)
     assert left.tip < 1e-5
-    assert left.away.max() < 1e-5
+    assert left.joints.max() < 1e-5
 
 
 def test_a_joint_that_does_not_turn_the_craft_does_not_go_along() -> None:
-    bench = rigid(np.zeros(3))
-    pushed = {
-        **{
-            name: {"kind": "torque", "direction": axis, "limit": 1.0}
-            for name, axis in zip(NAMES, np.eye(3).tolist(), strict=True)
-        },
-        "x": {"kind": "force", "direction": [1.0, 0.0, 0.0], "limit": 1.0},
-    }
+    push = {"kind": "force", "direction": [1.0, 0.0, 0.0], "limit": 1.0}
+    pushed = {**torques(1.0), "x": push}
     testbed = read_testbed({"kind": "spacecraft", "appendages": {}, "actuators": pushed}, "here")
     bench = PlantDescription(testbed, 0.02, np.full(4, 100.0))
     with pytest.raises(BadInput, match="one axis at a time"):

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.plants import torques
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.planners import make_plan, plan_settings
@@ -17,10 +18,7 @@ LIMIT = np.ones(3)
 def craft(cone: dict[str, Any]) -> PlantDescription:
     values = {
         "kind": "spacecraft",
-        "actuators": {
-            name: {"kind": "torque", "direction": axis.tolist(), "limit": 1.0}
-            for name, axis in zip(("roll", "pitch", "yaw"), np.eye(3), strict=True)
-        },
+        "actuators": torques(1.0),
         "keep_out": {"sun": cone},
     }
     return PlantDescription(read_testbed(values, "here"), 0.1, LIMIT)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.plants import torques
 from tests.present import present
 from tests.representatives import products, representatives
 
@@ -129,10 +130,7 @@ def test_a_driven_hinge_stays_where_it_starts_held_by_its_motor(goal: Any, angle
                 },
             }
         },
-        "actuators": {
-            name: {"kind": "torque", "direction": axis, "limit": 3.0}
-            for name, axis in zip(("roll", "pitch", "yaw"), np.eye(3).tolist(), strict=True)
-        },
+        "actuators": torques(3.0),
         "initial": {"dish_hinge": angle},
     }
     testbed = read_testbed(craft, "here")

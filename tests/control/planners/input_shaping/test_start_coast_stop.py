@@ -7,11 +7,7 @@ from tests.plants import plant
 from tests.present import present
 
 from flexslew_control.planners import make_plan
-from flexslew_control.planners.input_shaping.start_coast_stop import (
-    StartCoastStop,
-    pulse_pair,
-    two_impulse_gains,
-)
+from flexslew_control.planners.input_shaping.start_coast_stop import StartCoastStop, pulse_pair
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed
 
@@ -38,13 +34,6 @@ def test_a_short_turn_weakens_the_pulses_instead_of_overlapping_them() -> None:
     t = np.linspace(0.0, motion.duration, 20001)
     assert motion.stop == pytest.approx(motion.length)
     np.testing.assert_allclose(np.trapezoid(motion.rate(t), t), -0.01, rtol=1e-6)
-
-
-def test_two_impulses_cancel_a_damped_mode() -> None:
-    a1, a2, delay = two_impulse_gains(0.7, 0.1)
-    pole = -0.1 * 0.7 + 1j * 0.7 * np.sqrt(1.0 - 0.01)
-    assert abs(a1 + a2 * np.exp(-pole * delay)) < 1e-12
-    assert a1 + a2 == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 0.5])

@@ -2,7 +2,6 @@
 
 import itertools
 import re
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from flexslew_control.planners.minimax.nonlinear_path import (
     channels,
     deviation,
 )
-from flexslew_control.planners.minimax.search import search_of
+from flexslew_control.planners.minimax.successive import ensemble_problem
 from flexslew_control.planners.residual.prediction import predicted
 from flexslew_control.planners.slew import Feedback, slew_of
 from flexslew_plant.errors import PlanFailed
@@ -135,17 +134,18 @@ def test_the_step_is_the_best_one_near_it() -> None:
     plan = planned(duration=25.0)
     settings: Any = plan_settings(plan.request, "t")
     slew = slew_of(settings, plant(0.05), GAINS["csa"])
-    search = search_of(question_of(settings, slew))
+    question, members = question_of(settings, slew), members_of(settings.ensemble, slew)
     edges = [0, *(np.flatnonzero(np.diff(plan.effort, axis=0).any(axis=1)) + 1).tolist()]
-    search = replace(search, grid=search.grid._replace(edges=(*edges, plan.ticks)))
+    grid = question.grid()._replace(edges=(*edges, plan.ticks))
+    problem = ensemble_problem(question, members, grid)
     weights = plan.effort[edges].ravel()
-    best = search.merit(weights)
+    best = problem.merit(weights)
     assert best.max_violation < 2e-3
     rng = np.random.default_rng(0)
     for size in (1e-3, 1e-2, 5e-2):
         for _ in range(3):
             other = weights + size * 150.0 * rng.standard_normal(weights.size)
-            assert search.merit(other).cost > 0.99 * best.cost
+            assert problem.merit(other).cost > 0.99 * best.cost
 
 
 @pytest.mark.slow

@@ -11,10 +11,11 @@ from tests.control.planners.minimax.test_minimax_three_axes import (
     LIMIT,
     PERIOD,
     QUICK,
+    bench_with,
     derivatives_and_flights,
-    with_booms,
+    flown_members,
 )
-from tests.control.planners.time_optimal.three_axes.test_three_axes_flexible import AXES
+from tests.plants import AXES
 from tests.representatives import representatives
 
 from flexslew_control.law import PlantDescription
@@ -26,7 +27,7 @@ from flexslew_control.planners.minimax.members import members_of
 from flexslew_control.planners.minimax.minimax_feedforward import question_of
 from flexslew_control.planners.minimax.nonlinear_path import channels
 from flexslew_control.planners.minimax.question import Question
-from flexslew_control.planners.minimax.search import search_of, smooth
+from flexslew_control.planners.minimax.search import smooth
 from flexslew_control.planners.slew import slew_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
@@ -54,7 +55,7 @@ def turn_past(seed: int, cones: int) -> tuple[PlantDescription, dict[str, float]
             "direction": (middle + rng.uniform(-0.1, 0.1) * axis).tolist(),
             "half_angle": angle * float(rng.uniform(0.15, 0.3)),
         }
-    return with_booms(keep_out=keep_out), dict(zip(AXES, (angle * axis).tolist(), strict=True))
+    return bench_with(keep_out=keep_out), dict(zip(AXES, (angle * axis).tolist(), strict=True))
 
 
 class Flight(NamedTuple):
@@ -108,7 +109,7 @@ def test_every_member_keeps_to_cones_and_rates_and_leaves_what_was_promised(
     asked = question(plant, goal, duration=duration, **keys)
     plan = make_plan(plan_settings(values, "here"), plant, GAINS, law=LAW)
     start = smooth(asked, asked.grid())
-    assert passed(search_of(asked).ensemble, start) > 0.1  # the eigenaxis does not keep to them
+    assert passed(flown_members(asked), start) > 0.1  # the eigenaxis does not keep to them
     last, limit = len(plan.effort), keys.get("rate_limit")
     for error in ERRORS:
         flight = flown(plan, plant, error)
@@ -144,15 +145,14 @@ def test_without_anything_to_spare_the_cones_are_kept_out_of_all_the_same(
 
 def test_what_is_passed_is_seen_at_the_depth_of_the_eigenaxis() -> None:
     direction = [float(np.sin(0.5)), 0.0, float(np.cos(0.5))]
-    plant = with_booms(keep_out={"sun": {"direction": direction, "half_angle": 0.2}})
+    plant = bench_with(keep_out={"sun": {"direction": direction, "half_angle": 0.2}})
     asked = question(plant, {"pitch": 1.0}, duration=20.0, ensemble={"vary": {}})
-    search = search_of(asked)
     # the boresight goes through the axis of the cone, between two of the points looked at
-    weights = smooth(asked, search.grid)
-    assert passed(search.ensemble, weights) == pytest.approx(1.0, abs=0.02)
-    aside = with_booms(keep_out={"sun": {"direction": [0.0, 1.0, 0.0], "half_angle": 0.2}})
+    weights = smooth(asked, asked.grid())
+    assert passed(flown_members(asked), weights) == pytest.approx(1.0, abs=0.02)
+    aside = bench_with(keep_out={"sun": {"direction": [0.0, 1.0, 0.0], "half_angle": 0.2}})
     asked = question(aside, {"pitch": 1.0}, duration=20.0, ensemble={"vary": {}})
-    most = passed(search_of(asked).ensemble, weights)
+    most = passed(flown_members(asked), weights)
     assert most == pytest.approx(1.0 - 0.5 * np.pi / 0.2, abs=1e-3)  # a right angle away
 
 
@@ -163,7 +163,7 @@ def test_the_derivatives_of_cones_and_rates_are_those_of_flights() -> None:
         "moon": {"boresight": [1.0, 0.5, 0.0], "direction": [0.0, 1.0, 0.4], "half_angle": 0.3},
     }
     goal = {"roll": 1.3, "pitch": 0.5, "yaw": -1.0}
-    asked = question(with_booms(keep_out=keep_out), goal, duration=12.0, pieces=6, rate_limit=0.3)
+    asked = question(bench_with(keep_out=keep_out), goal, duration=12.0, pieces=6, rate_limit=0.3)
     motion, member = asked.motion, members_of(asked.ensemble, asked.slew)[1].model
     others = len(member.appendages.names) + 3 * len(AXES)
     limited = range(others, others + 3)
@@ -201,7 +201,7 @@ def test_the_shortest_turn_within_a_bound_goes_round_a_cone_below_a_rate() -> No
     ],
 )
 def test_ends_inside_of_a_cone_are_refused(direction: Any, words: str) -> None:
-    plant = with_booms(keep_out={"sun": {"direction": direction, "half_angle": 0.3}})
+    plant = bench_with(keep_out={"sun": {"direction": direction, "half_angle": 0.3}})
     with pytest.raises(PlanFailed, match=words):
         question(plant, {"pitch": 1.5}, duration=30.0)
 
@@ -209,4 +209,4 @@ def test_ends_inside_of_a_cone_are_refused(direction: Any, words: str) -> None:
 def test_a_length_of_the_rate_is_of_turns_in_three_axes() -> None:
     values = {**QUICK, "drives": "moving", "goal": {"pitch": 0.5}, "rate_limit": 0.1}
     with pytest.raises(BadInput, match="turns in three axes with drives: all"):
-        make_plan(plan_settings(values, "here"), with_booms(keep_out={}), GAINS, law=LAW)
+        make_plan(plan_settings(values, "here"), bench_with(keep_out={}), GAINS, law=LAW)

@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.control.planners.residuals import Residual, Watch
 from tests.present import present
 
 from flexslew_control.law import ActiveLaw, Reference
-from flexslew_control.plan import Plan
 from flexslew_control.planners.residual.from_motion import predicted_from, state_of
 from flexslew_control.plans.course import PlanSequence
 from flexslew_control.plans.known_motion import ATTITUDE_ERROR, PREDICTED, KnownMotion, at_rest
@@ -22,6 +22,7 @@ from flexslew_lab.trial.trial import (
     set_up,
     trial_of_values,
 )
+from flexslew_plant.bench.bench import Truth
 from flexslew_plant.testbeds import Model
 
 CSA = {"base_yaw": 0.1, "hub_pitch": 0.05}
@@ -57,34 +58,15 @@ def trial(bench: str, law: str, goal: float, start: float, **plan: Any) -> Trial
     )
 
 
-class Seen:
-    """Takes the motion at a tick, adopts a plan there, and measures what it leaves."""
-
-    def __init__(self, model: Model, controllers: Any, tick: int, plan: Plan) -> None:
-        self._model, self._controllers, self._tick, self._plan = model, controllers, tick, plan
-        self.motion: KnownMotion | None = None
-        self.tip, self.away = 0.0, np.zeros(model.joints)
-
-    def truth(self, truth: Any) -> None:
-        x = np.concatenate((truth.position, truth.velocity))
-        position, velocity = self._model.joint_state(x)
-        modes, rates = self._model.modal_state(x)
-        if truth.tick == self._tick:
-            shown = zip(position.tolist(), velocity.tolist(), strict=True)
-            joints = dict(zip(self._model.joint_names, shown, strict=True))
-            tip = self._model.appendages.tip
-            tips = np.concatenate((tip @ modes, tip @ rates))
-            self.motion = KnownMotion(truth.tick, joints, modes.copy(), rates.copy(), tips)
-            for controller in self._controllers.values():
-                assert controller.adopt(self._plan) is None
-        if truth.time >= self._plan.end - 1e-9:
-            self.tip = max(self.tip, float(np.abs(truth.tip_deflection).max()))
-            self.away = np.maximum(self.away, abs(position - self._plan.position[-1]))
-
-    def question(self, question: Any) -> None:
-        return
-
-    answer = event = question
+def motion_of(model: Model, truth: Truth) -> KnownMotion:
+    """Return the motion of a bench as it is displayed."""
+    x = np.concatenate((truth.position, truth.velocity))
+    position, velocity = model.joint_state(x)
+    modes, rates = model.modal_state(x)
+    shown = zip(position.tolist(), velocity.tolist(), strict=True)
+    joints = dict(zip(model.joint_names, shown, strict=True))
+    tips = np.concatenate((model.appendages.tip @ modes, model.appendages.tip @ rates))
+    return KnownMotion(truth.tick, joints, modes.copy(), rates.copy(), tips)
 
 
 @pytest.mark.slow
@@ -108,9 +90,17 @@ def test_the_motion_in_flight_is_in_the_promise(bench: str, law: str, method: st
     flown, controllers = set_up(first, "test")
     assert set_plan(controllers, law, plan) is None
     model = plant_of(first).testbed.model()
-    seen = Seen(model, controllers, round(seen_at / first.period), later)
-    run_bench(flown, controllers, seen)
-    motion = present(seen.motion)
+    seen, motions = Residual(later, model), list[KnownMotion]()
+
+    def truth(truth: Truth) -> None:
+        if truth.tick == round(seen_at / first.period):
+            motions.append(motion_of(model, truth))
+            for controller in controllers.values():
+                assert controller.adopt(later) is None
+        seen.truth(truth)
+
+    run_bench(flown, controllers, Watch(truth))
+    [motion] = motions
     assert not at_rest(motion, later)
 
     course, rest = PlanSequence(), np.zeros(model.joints)
@@ -121,7 +111,7 @@ def test_the_motion_in_flight_is_in_the_promise(bench: str, law: str, method: st
     found = present(predicted_from(motion, later, whole, plant_of(second), active))
     assert found.summary[PREDICTED] == pytest.approx(seen.tip, rel=1e-6, abs=1e-9)
     away = [found.summary[ATTITUDE_ERROR][name] for name in model.joint_names]
-    np.testing.assert_allclose(away, seen.away, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(away, seen.joints, rtol=1e-6, atol=1e-9)
     if method == "minimax_feedforward":  # which leaves little from rest
         assert seen.tip > 2.0 * later.summary[PREDICTED]
         assert "the bench moves at " in found.summary["warning"]

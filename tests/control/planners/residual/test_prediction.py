@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from tests.control.planners.residuals import residual_of
 from tests.plants import plant
 from tests.representatives import products
 
@@ -12,7 +13,6 @@ from flexslew_control.controllers import build_controller
 from flexslew_control.law import ActiveLaw
 from flexslew_control.planners import PLANNERS, make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
-from flexslew_lab.run.in_process import run_bench
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed, CsaVariant
@@ -42,33 +42,12 @@ OTHERS: dict[str, Any] = {
 }
 
 
-class Residual:
-    """Largest tip deflection and joint errors from the plan's end on."""
-
-    def __init__(self, plan: Any) -> None:
-        self.plan, self.tip, self.joints = plan, 0.0, np.zeros(2)
-
-    def truth(self, truth: Any) -> None:
-        if truth.time >= self.plan.end - 1e-9:
-            self.tip = max(self.tip, float(np.abs(truth.tip_deflection).max()))
-            away = np.abs(truth.position[:2] - self.plan.position[-1])
-            self.joints = np.maximum(self.joints, away)
-
-    def question(self, question: Any) -> None:
-        return
-
-    answer = event = question
-
-
 def flown(plan: Any, testbed: Any, period: Any) -> Any:
     duration = np.ceil(plan.end + 40.0)
     bench = Bench(BenchSettings(testbed=testbed, period=period, duration=duration))
     described = plant(period, testbed=testbed)
     pd = build_controller("pd_feedforward", "pd_feedforward", {}, described, "here")
-    assert pd.adopt(plan) is None
-    residual = Residual(plan)
-    run_bench(bench, {"pd_feedforward": pd}, residual)
-    return residual
+    return residual_of(plan, bench, {"pd_feedforward": pd})
 
 
 def asked(method: Any, testbed: Any, period: Any, **more: Any) -> Any:
@@ -145,10 +124,7 @@ def test_a_law_without_the_planned_gains_can_follow_the_planned_trajectory() -> 
     plan = asked("optimized_feedforward", testbed, 0.01)
     bench = Bench(BenchSettings(testbed=testbed, duration=60.0, active="lqr"))
     law = build_controller("lqr", "lqr", {}, plant(testbed=testbed), "here")
-    law.adopt(plan)
-    residual = Residual(plan)
-    run_bench(bench, {"lqr": law}, residual)
-    assert residual.tip < 1e-4
+    assert residual_of(plan, bench, {"lqr": law}).tip < 1e-4
 
 
 SLOW = FloatingOscillatorTestbed(

@@ -4,7 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from tests.plants import plant
+from tests.control.planners.residuals import residual_of
+from tests.plants import AXES, plant, torques
 from tests.representatives import products
 
 from flexslew_control.controllers import build_controller
@@ -13,13 +14,11 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
 from flexslew_lab.reproduce.scole_flights import example_trial
-from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.trial.trial import feedback_of, plant_of
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Testbed, read_testbed
 
-AXES = {"roll": (1.0, 0.0, 0.0), "pitch": (0.0, 1.0, 0.0), "yaw": (0.0, 0.0, 1.0)}
 METHODS: dict[str, dict[str, Any]] = {
     "optimized_feedforward": {"duration": 30.0, "functions": 40},
     "robust_feedforward": {"duration": 30.0, "functions": 40},
@@ -35,22 +34,6 @@ METHODS: dict[str, dict[str, Any]] = {
     },
 }
 NOTHING = 1e-5  # [m]
-
-
-class Residual:
-    """Largest tip deflection from the plan's end on."""
-
-    def __init__(self, plan: Plan) -> None:
-        self.plan, self.tip = plan, 0.0
-
-    def truth(self, truth: Any) -> None:
-        if truth.time >= self.plan.end - 1e-9:
-            self.tip = max(self.tip, float(np.abs(truth.tip_deflection).max()))
-
-    def question(self, question: Any) -> None:
-        return
-
-    answer = event = question
 
 
 class Asked(NamedTuple):
@@ -69,10 +52,7 @@ def flown(plan: Plan, asked: Asked, law: ActiveLaw | None = None) -> float:
     gains = {"kp": asked.gains.kp, "kd": asked.gains.kd}
     name, own = law or ("pd_feedforward", gains)
     controller = build_controller("pd_feedforward", name, dict(own), here, "here")
-    assert controller.adopt(plan) is None
-    residual = Residual(plan)
-    run_bench(bench, {"pd_feedforward": controller}, residual)
-    return residual.tip
+    return residual_of(plan, bench, {"pd_feedforward": controller}).tip
 
 
 def craft(rng: np.random.Generator) -> Testbed:
@@ -98,15 +78,12 @@ def craft(rng: np.random.Generator) -> Testbed:
             "damping": {"ratio": float(rng.choice([0.0, 0.005]))},
         }
     inertia = {key: float(rng.uniform(40.0, 80.0)) for key in ("xx", "yy", "zz")}
-    torques = {
-        name: {"kind": "torque", "direction": axis, "limit": 4.0} for name, axis in AXES.items()
-    }
     return read_testbed(
         {
             "kind": "spacecraft",
             "platform": {"mass": 150.0, "inertia": inertia},
             "appendages": booms,
-            "actuators": torques,
+            "actuators": torques(4.0),
         },
         "test",
     )

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.control.planners.time_optimal.least_time import least_time
+from tests.plants import AXES, torques
 from tests.representatives import products, representatives
 
 from flexslew_control.law import PlantDescription
@@ -21,7 +22,6 @@ from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 
-AXES = {"roll": (1.0, 0.0, 0.0), "pitch": (0.0, 1.0, 0.0), "yaw": (0.0, 0.0, 1.0)}
 # stiffness of the second panel over that of the first
 ALIKE = {"equal": 1.0, "nearly": 1.0 + 1e-8, "close": 1.003, "distinct": 1.7}
 
@@ -77,7 +77,7 @@ def craft(rng: np.random.Generator, alike: str, joint: str, modes: int) -> Space
             "kind": "spacecraft",
             "platform": {"mass": 100.0, "inertia": dict.fromkeys(("xx", "yy", "zz"), inertia)},
             "appendages": panels,
-            "actuators": {joint: {"kind": "torque", "direction": AXES[joint], "limit": 1.0}},
+            "actuators": {joint: torques(1.0)[joint]},
         },
         "test",
     )

@@ -123,9 +123,7 @@ def _correct_efforts(
         if np.abs(error).max() < _CLOSE * slew.way:
             break
         slopes = _slopes(model, states, effort, plan.period)[rows]
-        weights = (np.maximum(limit - np.abs(effort), 0.0) ** 2).ravel()
-        weighted = slopes * weights
-        change = weighted.T @ np.linalg.lstsq(weighted @ slopes.T, error, rcond=1e-12)[0]
+        change = least_change(slopes, (limit - np.abs(effort)).ravel(), error)
         effort = effort + change.reshape(effort.shape)
         states = _simulate(slew, plan.state[0], effort)
     left = float(np.abs((goal - states[-1])[rows]).max())
@@ -136,16 +134,25 @@ def _correct_efforts(
     return replace(plan, position=position, velocity=velocity, effort=effort, state=states)
 
 
+def least_change(slopes: Matrix, room: Vector, error: Vector) -> Vector:
+    """Return the least change of efforts du with G du = e, weighed by their room below the limits.
+
+    du = W G^T (G W G^T)^+ e, with W = diag(max(room, 0)^2).
+
+    Args:
+        slopes: G, of what e counts by the efforts, shape (rows, efforts).
+        room: of each effort below its limit, shape (efforts,) [N m or N].
+        error: e, shape (rows,).
+    """
+    weighted = slopes * np.maximum(room, 0.0) ** 2
+    change: Vector = weighted.T @ np.linalg.lstsq(weighted @ slopes.T, error, rcond=1e-12)[0]
+    return change
+
+
 def _has_nominal_error(plan: Plan, goal: Vector, end: Vector, computed: float) -> bool:
     """Return whether the nominal states miss the goal by more than the hold changes them.
 
     Nominal states that are the flight under held efforts do not separate the two.
-
-    Args:
-        plan: with nominal states in continuous time.
-        goal: final state, shape (2 n,).
-        end: final state under the held efforts, shape (2 n,).
-        computed: error of the nominal states.
     """
     nominal_error, change = np.abs(goal - plan.state[-1]).max(), np.abs(end - plan.state[-1]).max()
     return bool(nominal_error > computed and nominal_error > change > 0.0)

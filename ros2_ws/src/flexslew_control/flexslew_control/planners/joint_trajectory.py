@@ -70,15 +70,7 @@ def plan_joint_trajectory(task: PlanTask) -> Plan:
     settings: JointTrajectory = task.settings
     slew = slew_of(settings, task.plant, task.feedback)
     points, names = checked_points(settings.points, slew, "points")
-    motion = motion_along(points, names, slew, settings.start)
-    summary = {
-        "duration": motion.duration,
-        "peak_effort": np.abs(motion.effort).max(axis=0, initial=0.0).tolist(),
-    }
-    request = {**plain(settings), "initial": slew.named(slew.start)}
-    reference = motion.position, motion.velocity
-    plan = plan_on_ticks(settings, slew, reference, motion.effort, summary)
-    return replace(plan, request=request)
+    return plan_of_motion(settings, slew, motion_along(points, names, slew, settings.start), {})
 
 
 class PointMotion(NamedTuple):
@@ -88,6 +80,19 @@ class PointMotion(NamedTuple):
     velocity: Matrix  # (ticks + 1, joints) [rad/s or m/s]
     effort: Matrix  # its mean over each tick, (ticks, joints) [N m or N]
     duration: float  # [s]
+
+    @property
+    def peak(self) -> Vector:
+        """Largest efforts, shape (joints,) [N m or N]."""
+        return np.asarray(np.abs(self.effort).max(axis=0, initial=0.0))
+
+
+def plan_of_motion(settings: Any, slew: Slew, motion: PointMotion, summary: dict[str, Any]) -> Plan:
+    """Return the plan of a motion through points, with more entries of its summary."""
+    whole = {"duration": motion.duration, **summary, "peak_effort": motion.peak.tolist()}
+    reference = motion.position, motion.velocity
+    plan = plan_on_ticks(settings, slew, reference, motion.effort, whole)
+    return replace(plan, request={**plain(settings), "initial": slew.named(slew.start)})
 
 
 def motion_along(
@@ -149,21 +154,12 @@ def _followed(path: BPoly, t: Vector, first_rate: float, period: float) -> tuple
 
 def _means(times: Vector, efforts: Vector, ticks: Vector) -> Vector:
     """Return the mean over each tick of what is linear between points, and zero elsewhere."""
-    at = np.interp(ticks, times, efforts)
-    means: Vector = 0.5 * (at[:-1] + at[1:])
-    off_tick = _ON_TICK * (ticks[1] - ticks[0])
-    means[(ticks[1:] <= times[0] + off_tick) | (ticks[:-1] >= times[-1] - off_tick)] = 0.0
-    intervals = np.searchsorted(ticks, times, side="right") - 1
-    for k in np.unique(intervals[intervals < len(means)]).tolist():
-        begin, end = ticks[k], ticks[k + 1]
-        slack = _ON_TICK * (end - begin)
-        knots = times[(times > begin + slack) & (times < end - slack)]
-        if knots.size:
-            ends = [max(begin, times[0])], knots, [min(end, times[-1])]
-            edges = np.unique(np.concatenate(ends))
-            samples = np.interp(edges, times, efforts)
-            means[k] = 0.5 * (samples[1:] + samples[:-1]) @ np.diff(edges) / (end - begin)
-    return means
+    edges = np.union1d(ticks, times[times < ticks[-1]])
+    inside = (edges[1:] > times[0]) & (edges[:-1] < times[-1])
+    samples, lengths = np.interp(edges, times, efforts), inside * np.diff(edges)
+    impulses = 0.5 * (samples[1:] + samples[:-1]) * lengths
+    begins = np.searchsorted(edges, ticks[:-1])
+    return np.asarray(np.add.reduceat(impulses, begins) / np.diff(ticks))
 
 
 def checked_points(

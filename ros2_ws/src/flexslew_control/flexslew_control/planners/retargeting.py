@@ -28,14 +28,18 @@ from flexslew_control.linear.small_motion import (
 )
 from flexslew_control.plan import Plan
 from flexslew_control.planners.entry import PlannerEntry, PlanTask
-from flexslew_control.planners.slew import tick_times
+from flexslew_control.planners.slew import require_effort, tick_times
 from flexslew_control.shared_keys import Start, WholeModel
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, plain, section
 from flexslew_plant.testbeds import design_testbed
 
 _AFTER = 1e-9  # the end of a turn, for good [s]
+_TOO_WEAK = (
+    "the turns need {:.4g} on {} to be balanced, the limit is {:g}; take more time for them or a "
+    "higher limit"
+)
 _GAUSS = 0.5 * np.array([-1.0, 1.0]) / np.sqrt(3.0) + 0.5  # two places in a tick
 
 
@@ -80,7 +84,7 @@ def plan_retargeting(task: PlanTask) -> Plan:
     Raises:
         BadInput: if the section has no duration and no hinge turns after the start, two efforts
             are dependent, or the gains have no solution.
-        PlanFailed: if it needs more effort than the drives have.
+        ExcessTorque: if it needs more effort than the drives have.
     """
     settings: Retargeting = task.settings
     plant = task.plant
@@ -103,14 +107,14 @@ def plan_retargeting(task: PlanTask) -> Plan:
     if settings.feedforward != "none":
         effort, left = balance_efforts(motion, times[:-1], plant.period)
         summary |= {"unbalanced": left}
-        _require_effort(effort, plant.effort_limit, model.joint_names)
+        require_effort(_peak(effort), plant.effort_limit, model.joint_names, _TOO_WEAK)
     rows = np.zeros((0, 0))
     if settings.gains != "none":
         middle = [motion.at(t) for t in times[:-1] + 0.5 * plant.period]
         middle.append(motion.at(max(until, float(times[-1])) + _AFTER))
         rows, details = gain_schedule(settings, _Ticks(motion, plant.period, middle))
         summary |= details
-    summary["peak_effort"] = abs(effort).max(axis=0, initial=0.0).tolist()
+    summary["peak_effort"] = _peak(effort).tolist()
     rest_state = np.concatenate((motion.rest, np.zeros(model.coordinates)))
     rest = np.tile(model.joint_state(rest_state)[0], (ticks + 1, 1))
     return Plan(
@@ -212,14 +216,8 @@ def _largest_real_part(r: Regulator) -> float:
     return float(np.linalg.eigvals(r.closed_loop).real.max())
 
 
-def _require_effort(effort: Matrix, limit: Vector, names: tuple[str, ...]) -> None:
-    peak = abs(effort).max(axis=0, initial=0.0)
-    for name, needed, allowed in zip(names, peak, limit, strict=True):
-        if needed > allowed:
-            raise PlanFailed(
-                f"the turns need {needed:.4g} on {name} to be balanced, the limit is {allowed:g}; "
-                "take more time for them or a higher limit"
-            )
+def _peak(effort: Matrix) -> Vector:
+    return np.asarray(abs(effort).max(axis=0, initial=0.0))
 
 
 RETARGETING = PlannerEntry(

@@ -6,6 +6,7 @@ planner), the positions of its joints at the start, and the gains of the active 
 
 import importlib.metadata
 import platform
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Annotated, Any, NamedTuple, TypeAlias
@@ -49,6 +50,23 @@ FeedbackKey: TypeAlias = Annotated[
 
 class ExcessTorque(PlanFailed):
     """The slew needs more than the drives have; a longer one may not."""
+
+
+def require_effort(peak: Vector, limit: Vector, names: Sequence[str], words: str) -> None:
+    """Check that no drive is asked for more than it has.
+
+    Args:
+        peak: largest efforts, shape (joints,) [N m or N].
+        limit: of the drives, shape (joints,) [N m or N].
+        names: of the joints.
+        words: of the refusal, with places for effort, name and limit.
+
+    Raises:
+        ExcessTorque: one is.
+    """
+    for needed, name, allowed in zip(peak.tolist(), names, limit.tolist(), strict=True):
+        if needed > allowed:
+            raise ExcessTorque(words.format(needed, name, allowed))
 
 
 @dataclass(frozen=True)
@@ -224,6 +242,34 @@ def _model_differences(slew: Slew, plant: PlantDescription, feedback: Feedback |
     more = len(pairs) - len(differences)
     words = ", ".join(differences + [f"{more} more"] * (more > 0))
     return " ".join(words.split())  # nested values are texts of several lines
+
+
+def joint_ranges(
+    given: Mapping[str, tuple[float, float]], slew: Slew, strict: bool = False
+) -> Matrix:
+    """Return lowest and highest positions, shape (2, joints); infinite where free [rad or m].
+
+    Args:
+        given: `joint_range` of a section, by joint.
+        slew: the requested slew.
+        strict: whether start and goal may not be at an end of their range.
+
+    Raises:
+        BadInput: start or goal are not inside a range.
+    """
+    found = np.tile([[-np.inf], [np.inf]], slew.goal.size)
+    for name, (low, high) in given.items():
+        j = slew.model.joint_names.index(name)
+        first, last = sorted((float(slew.start[j]), float(slew.goal[j])))
+        if not low <= first <= last <= high or (strict and (low == first or last == high)):
+            raise BadInput(
+                f"the joint goes from {slew.start[j]:g} to {slew.goal[j]:g}, which must lie inside",
+                "plan",
+                f"joint_range.{name}",
+                [low, high],
+            )
+        found[:, j] = low, high
+    return found
 
 
 def tick_times(start: float, duration: float, period: float) -> Vector:

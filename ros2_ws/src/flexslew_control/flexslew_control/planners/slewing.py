@@ -49,9 +49,8 @@ from flexslew_plant.testbeds import starts_in_motion
 _EXACT = 1e-5  # residual above which efforts are made exact for their hold [m/rad or -]
 _EXACT_RIGID = 1e-9  # the same of a rigid body, away from its goal [-]
 _END_TOLERANCE = 1e-6  # what nominal joints may lack of rest at the goal, rates per second [-]
-RESIDUAL_SHARE = (
-    0.05  # of the largest deflection, above which a tip that swings on is warned of [-]
-)
+# of the largest deflection, above which a tip that swings on is warned of [-]
+RESIDUAL_SHARE = 0.05
 MOST_MODES = 4  # frequencies that are tried for one that is enough
 # turns tried with less torque about the eigenaxis: a try fails only where a drive needs 1 % more
 # per torque about the axis than in the one before, which the modes' largest response bounds
@@ -72,32 +71,30 @@ class SlewPlanner:
     Args:
         plan: returns the plan of a slew.
         exact: returns whether the efforts of a section shall end at rest at the goal when each is
-            held over its tick; None: of no section.
+            held over its tick.
         rings: returns why the flight of a section may leave the tips vibrating, for a warning;
-            empty: its plan has that warning already. None: no section is meant to leave them still.
+            empty: its plan has that warning already, or is not meant to leave them still.
         one_axis: whether a spacecraft with many joints is planned about the one that moves.
         open_loop: whether a section without `feedback` is for a slew without one, instead of
             one with the gains of the active controller.
         whole: returns whether a section plans a craft that turns in three axes as a whole,
-            instead of about the eigenaxis; None: no section does.
+            instead of about the eigenaxis.
         late_motors: whether the plan includes lag and delay of the motors.
         with_feedback: whether a plan as a whole depends on kp and kd of the joints that fly it.
         has_prediction: whether the summary of a plan has the residual under the active law.
-        effort_share: returns the share of each drive's limit that a section leaves to the plan
-            [-]; None:
-            all of it.
+        effort_share: returns the share of each drive's limit that a section leaves to the plan [-].
     """
 
     plan: PlanFunction
-    exact: Callable[[Any], bool] | None = None
-    rings: Callable[[Any], str] | None = None
+    exact: Callable[[Any], bool] = lambda settings: False
+    rings: Callable[[Any], str] = lambda settings: ""
     one_axis: bool = True
     open_loop: bool = False
-    whole: Callable[[Any], bool] | None = None
+    whole: Callable[[Any], bool] = lambda settings: False
     late_motors: bool = False
     with_feedback: bool = False
     has_prediction: bool = True
-    effort_share: Callable[[Any], float] | None = None
+    effort_share: Callable[[Any], float] = lambda settings: 1.0
 
     def __call__(self, task: PlanTask) -> Plan:
         """Return the plan of a section; see make_plan.
@@ -134,12 +131,11 @@ class SlewPlanner:
         ):  # a step has no prediction, and the slew's model is not the bench's
             return replace(plan, request=self._complete(settings, slew))
         on_model = predicted(plan, slew)
-        exact = self.exact is not None and self.exact(settings)
         rigid = not slew.model.modes
         left = on_model.attitude_error.max() if rigid else on_model.tip_deflection
         small, close = (_EXACT_RIGID if rigid else _EXACT) * slew.way, _END_TOLERANCE * slew.way
-        if exact and (left > small or end_error(plan, slew) > close):
-            allowed = self._effort_share(settings) * slew.effort_limit
+        if self.exact(settings) and (left > small or end_error(plan, slew) > close):
+            allowed = self.effort_share(settings) * slew.effort_limit
             plan = exact_on_ticks(plan, slew, allowed)
             if end_error(plan, slew) > close:
                 plan = joints_at_rest(plan, slew, allowed)
@@ -160,10 +156,6 @@ class SlewPlanner:
             return plan
         return self._predict_with_law(law, plan, settings, slew, plant)
 
-    def _effort_share(self, settings: Any) -> float:
-        """Return the share of each drive's limit that the plan of a section may use [-]."""
-        return 1.0 if self.effort_share is None else self.effort_share(settings)
-
     def _motors(self, plant: PlantDescription) -> Matrices | None:
         """Return the dynamics from commands to efforts of a bench, if the planner includes it."""
         if not self.late_motors:
@@ -180,14 +172,8 @@ class SlewPlanner:
         return simulate_on_bench(plan, plant, active_law, motors=self._motors(plant))
 
     def _residual_warning(self, settings: Any, found: Prediction, more: str = "") -> dict[str, Any]:
-        """Return a warning of tips that vibrate on, where the plan has none already.
-
-        Args:
-            settings: the section.
-            found: the prediction from rest.
-            more: another warning; empty: none.
-        """
-        reason, left = self.rings(settings) if self.rings is not None else "", found.tip_deflection
+        """Return a warning of tips that vibrate on, where the plan has none already."""
+        reason, left = self.rings(settings), found.tip_deflection
         words = f"the tip vibrates by {left:.3g} m after the end: {reason}"
         parts = ([words] if reason and left > RESIDUAL_SHARE * found.peak else []) + [more] * bool(
             more
@@ -230,7 +216,7 @@ class SlewPlanner:
         return single_axis and not self._uses_full_attitude(settings, plant)
 
     def _uses_full_attitude(self, settings: Any, plant: PlantDescription) -> bool:
-        return self.whole is not None and self.whole(settings) and in_three_axes(plant)
+        return self.whole(settings) and in_three_axes(plant)
 
     def _full_plan(self, task: PlanTask) -> Plan:
         """Return the plan of a slew in three axes, with what it leaves on the bench.
@@ -254,15 +240,10 @@ class SlewPlanner:
             if self._counts_with_feedback(settings):
                 require_stable_loop(slew)
             raise
-        plan = replace(
-            plan,
-            request=self._complete(settings, slew),
-            summary={**plan.summary, "believes": slew.beliefs},
-        )
         active_law = _active_law(task)
-        if self.with_feedback and active_law is not None:
-            words = ", ".join(filter(None, (slew.beliefs, ignored_settings(active_law))))
-            plan = replace(plan, summary={**plan.summary, "believes": words})
+        ignored = ignored_settings(active_law) if self.with_feedback and active_law else ""
+        summary = {**plan.summary, "believes": ", ".join(filter(None, (slew.beliefs, ignored)))}
+        plan = replace(plan, request=self._complete(settings, slew), summary=summary)
         if not self.has_prediction:
             return plan
         prediction = self._left(plan, plant, active_law)
@@ -313,8 +294,9 @@ class SlewPlanner:
             ExcessTorque: a drive has not what another axis needs, however slow the turn.
         """
         settings, plant, feedback, progress, law = task
-        share, limit_share, needs = 1.0, self._effort_share(settings), ""
-        modified = replace(self, rings=None)  # the flight on the whole bench shows whether it rings
+        share, limit_share, needs = 1.0, self.effort_share(settings), ""
+        # the flight on the whole bench shows whether it rings
+        modified = replace(self, rings=lambda settings: "")
         for _ in range(_MAX_ATTEMPTS):
             turn = reduced(settings, plant, feedback, share)
             try:

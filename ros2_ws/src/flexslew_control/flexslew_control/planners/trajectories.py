@@ -12,11 +12,10 @@ Profile: TypeAlias = Literal["cubic", "quintic"]
 
 
 class Trajectory(NamedTuple):
-    """A reference at given times: position, velocity and acceleration, each (times, joints)."""
+    """A reference at given times: position and velocity, each (times, joints)."""
 
     position: Matrix  # [rad or m]
     velocity: Matrix  # [rad/s or m/s]
-    acceleration: Matrix  # [rad/s^2 or m/s^2]
 
 
 def rest_to_rest(
@@ -36,34 +35,18 @@ def rest_to_rest(
         times: shape (k,) [s].
     """
     s = np.clip(times / duration, 0.0, 1.0)
-    p, dp, ddp = PROFILES[profile](s)
-    ddp = np.where((times < 0.0) | (times > duration), 0.0, ddp)
+    p, dp = PROFILES[profile](s)
     span = goal - start
-    return Trajectory(
-        start + np.multiply.outer(p, span),
-        np.multiply.outer(dp / duration, span),
-        np.multiply.outer(ddp / duration**2, span),
-    )
+    return Trajectory(start + np.multiply.outer(p, span), np.multiply.outer(dp / duration, span))
 
 
-def _cubic(s: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return p, p' and p'' of the cubic at s, each of the shape of s."""
-    return s * s * (3.0 - 2.0 * s), 6.0 * s * (1.0 - s), 6.0 - 12.0 * s
-
-
-def _quintic(s: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return p, p' and p'' of the quintic at s, each of the shape of s."""
-    r = 1.0 - s
-    return (
-        s**3 * (10.0 - 15.0 * s + 6.0 * s * s),
-        30.0 * (s * r) ** 2,
-        60.0 * s * r * (1.0 - 2.0 * s),
-    )
-
-
-PROFILES: dict[Profile, Callable[[Vector], tuple[Vector, Vector, Vector]]] = {
-    "cubic": _cubic,
-    "quintic": _quintic,
+# p and p' at s, each of the shape of s
+PROFILES: dict[Profile, Callable[[Vector], tuple[Vector, Vector]]] = {
+    "cubic": lambda s: (s * s * (3.0 - 2.0 * s), 6.0 * s * (1.0 - s)),
+    "quintic": lambda s: (
+        s**3 * (10.0 + s * (6.0 * s - 15.0)),
+        30.0 * s * s * (1.0 - s) ** 2,
+    ),
 }
 
 

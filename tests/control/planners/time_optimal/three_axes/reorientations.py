@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
+from tests.plants import torques
 
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
@@ -25,17 +26,13 @@ def craft(
     inertia: Triple, limit: Triple, start: Vector | None = None, keep_out: Any = None
 ) -> PlantDescription:
     """Return a rigid craft with a torque about each axis."""
-    torques = {
-        name: {"kind": "torque", "direction": axis.tolist(), "limit": most}
-        for name, axis, most in zip(NAMES, np.eye(3), limit, strict=True)
-    }
     at = np.zeros(3) if start is None else start
     testbed = read_testbed(
         {
             "kind": "spacecraft",
             "platform": {"inertia": dict(zip(("xx", "yy", "zz"), inertia, strict=True))},
             "appendages": {},
-            "actuators": torques,
+            "actuators": torques(*limit),
             "initial": dict(zip(NAMES, at.tolist(), strict=True)),
             "keep_out": keep_out or {},
         },

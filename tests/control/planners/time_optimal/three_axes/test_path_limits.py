@@ -17,6 +17,7 @@ from tests.control.planners.time_optimal.three_axes.reorientations import (
     through,
     transcribed,
 )
+from tests.plants import torques
 from tests.representatives import representatives, seeds
 
 from flexslew_control.law import ActiveLaw, PlantDescription
@@ -122,8 +123,7 @@ def test_a_flexible_craft_goes_round_a_cone_with_its_modes_at_rest() -> None:
     values = {
         "kind": "spacecraft", "appendages": {"boom": boom},
         "platform": {"mass": 150.0, "inertia": {"xx": 40.0, "yy": 60.0, "zz": 50.0}},
-        "actuators": {n: {"kind": "torque", "direction": a.tolist(), "limit": 1.5}
-                      for n, a in zip(NAMES, np.eye(3), strict=True)},
+        "actuators": torques(1.5),
         "keep_out": {"sun": {"direction": direction.tolist(), "half_angle": 0.2}},
     }  # fmt: skip
     bench = PlantDescription(read_testbed(values, "here"), 0.05, np.full(3, 1.5))

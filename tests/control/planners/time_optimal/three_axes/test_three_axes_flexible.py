@@ -4,18 +4,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.plants import torques
 
 import flexslew as fs
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.planners import make_plan, plan_settings
-from flexslew_plant.testbeds import read_testbed
-
-AXES = {"roll": (1.0, 0.0, 0.0), "pitch": (0.0, 1.0, 0.0), "yaw": (0.0, 0.0, 1.0)}
+from flexslew_plant.testbeds import Testbed, read_testbed
 
 
-def booms() -> dict[str, Any]:
-    """Return two booms along y with a mode across in each direction."""
-    return {
+def with_booms(**more: Any) -> Testbed:
+    """Return a craft with two booms along y, each with a mode across in each direction."""
+    booms = {
         f"boom_{k}": {
             "hinge": {"place": [0.0, side * 0.5, 0.0]},
             "shape": {
@@ -33,23 +32,14 @@ def booms() -> dict[str, Any]:
         }
         for k, side in enumerate((1.0, -1.0))
     }
+    platform = {"mass": 150.0, "inertia": {"xx": 40.0, "yy": 60.0, "zz": 50.0}}
+    values = {"kind": "spacecraft", "platform": platform, "actuators": torques(1.5)}
+    return read_testbed({**values, "appendages": booms, **more}, "here")
 
 
 @pytest.mark.slow
 def test_a_flexible_craft_ends_at_rest_and_hardly_later_than_a_rigid_one() -> None:
-    testbed = read_testbed(
-        {
-            "kind": "spacecraft",
-            "platform": {"mass": 150.0, "inertia": {"xx": 40.0, "yy": 60.0, "zz": 50.0}},
-            "appendages": booms(),
-            "actuators": {
-                name: {"kind": "torque", "direction": axis, "limit": 1.5}
-                for name, axis in AXES.items()
-            },
-        },
-        "here",
-    )
-    bench = PlantDescription(testbed, 0.05, np.full(3, 1.5))
+    bench = PlantDescription(with_booms(), 0.05, np.full(3, 1.5))
     values = {
         "method": "time_optimal",
         "drives": "all",

@@ -37,9 +37,7 @@ class AttitudeGoal:
     euler: Triple | None = None  # three angles about the body's axes, one after another [rad]
     order: Order | None = None  # of these axes, as zyx or zxz
     # inertial direction to which `boresight` turns, by the least angle
-    to: Triple | None = (
-        None  # direction in inertial space to which `boresight` turns, the least way
-    )
+    to: Triple | None = None
     boresight: Triple = (0.0, 0.0, 1.0)  # direction in body axes, with `to`
     # a turn from where the craft starts, not from the attitude zero of the joints
     relative: bool = False

@@ -65,28 +65,17 @@ class Eigenaxis:
         effort = np.zeros((len(plan.effort), len(names)))
         if plan.effort.any():
             effort = tracking_efforts(self.whole, position, velocity, plan.period)
-        peak = abs(effort).max(axis=0, initial=0.0)
-        model_text = ", ".join(filter(None, (plan.summary.get("believes", ""), self.left_out)))
-        summary = {
-            "peak_effort": peak.tolist(),
-            "believes": model_text,
-            "eigenaxis": self.axis.tolist(),
-            "angle": self.angle,
-        }
         by_joint = {
             "goal": dict(zip(names, self.last.tolist(), strict=True)),
             "initial": dict(zip(names, self.first.tolist(), strict=True)),
         }
         requested = {key: value for key, value in by_joint.items() if key in plan.request}
+        whole = of_all_joints(plan, names, (position, velocity, effort), self.left_out)
         return replace(
-            plan,
-            joint_names=names,
-            position=position,
-            velocity=velocity,
-            effort=effort,
+            whole,
             state=np.zeros((len(position), 0)),
             request={**plan.request, **requested},
-            summary={**plan.summary, **summary},
+            summary={**whole.summary, "eigenaxis": self.axis.tolist(), "angle": self.angle},
         )
 
     def _path(self, angle: Vector, rate: Vector) -> tuple[Matrix, Matrix]:
@@ -100,6 +89,30 @@ class Eigenaxis:
         turns = attitude.axes.any(axis=1)
         position[:, turns] = (rotation @ attitude.axes.T)[:, turns]
         return position, np.outer(rate, attitude.axes @ self.axis + self.axis @ self.carried)
+
+
+def of_all_joints(
+    plan: Plan, names: tuple[str, ...], motion: tuple[Matrix, Matrix, Matrix], left_out: str
+) -> Plan:
+    """Return a plan about one axis as one of all joints.
+
+    Args:
+        plan: about the axis.
+        names: of all joints.
+        motion: positions and rates, shape (ticks + 1, joints), and efforts, shape (ticks, joints).
+        left_out: what the planner's model lacks of the bench, in words.
+    """
+    position, velocity, effort = motion
+    peak = abs(effort).max(axis=0, initial=0.0).tolist()
+    believes = ", ".join(filter(None, (plan.summary.get("believes", ""), left_out)))
+    return replace(
+        plan,
+        joint_names=names,
+        position=position,
+        velocity=velocity,
+        effort=effort,
+        summary={**plan.summary, "peak_effort": peak, "believes": believes},
+    )
 
 
 def eigenaxis(

@@ -7,7 +7,12 @@ import numpy as np
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude.eigenaxis import Eigenaxis, eigenaxis, tracking_efforts
+from flexslew_control.planners.attitude.eigenaxis import (
+    Eigenaxis,
+    eigenaxis,
+    of_all_joints,
+    tracking_efforts,
+)
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -74,19 +79,7 @@ class OneAxis(NamedTuple):
             effort[:, others] = tracking_efforts(self.whole, position, velocity, plan.period)[
                 :, others
             ]
-        peak = abs(effort).max(axis=0, initial=0.0)
-        model_text = ", ".join(filter(None, (plan.summary.get("believes", ""), self.left_out)))
-        entries = {"peak_effort": [float(x) for x in peak], "believes": model_text}
-        summary = {**plan.summary, **entries}
-        assert effort.shape[1] == count
-        return replace(
-            plan,
-            joint_names=self.names,
-            position=position,
-            velocity=velocity,
-            effort=effort,
-            summary=summary,
-        )
+        return of_all_joints(plan, self.names, (position, velocity, effort), self.left_out)
 
 
 def has_single_axis(plant: PlantDescription) -> bool:
@@ -243,8 +236,7 @@ def _require_rotation(testbed: Any, names: tuple[str, ...]) -> None:
     if joint_names != names:
         raise BadInput(
             f"plan: model: joints: {', '.join(joint_names)} is not allowed: a turn needs all "
-            "joints of "
-            f"the bench in their order, {', '.join(names)}"
+            f"joints of the bench in their order, {', '.join(names)}"
         )
 
 

@@ -8,11 +8,7 @@ from flexslew_control.law import per_joint
 from flexslew_control.plan import Plan
 from flexslew_control.planners.entry import PlannerEntry, PlanTask
 from flexslew_control.planners.excitation.experiments import Experiments, divide, signal
-from flexslew_control.planners.excitation.limits import (
-    PredictedPeaks,
-    SignalLimits,
-    scale_to_limits,
-)
+from flexslew_control.planners.excitation.limits import PredictedPeaks, scale_to_limits
 from flexslew_control.planners.excitation.section import Excitation as Excitation
 from flexslew_control.planners.slew import Slew, plan_on_ticks, slew_of
 from flexslew_plant.arrays import Matrix
@@ -58,9 +54,7 @@ def plan_excitation(task: PlanTask) -> Plan:
                 f"{slew.effort_limit[over][0]:g}"
             )
     else:
-        effort, predicted = scale_to_limits(
-            slew, unit * slew.effort_limit, limits_of(settings, slew)
-        )
+        effort, predicted = scale_to_limits(settings, slew, unit * slew.effort_limit)
     return _plan(settings, slew, effort, band, parts, predicted)
 
 
@@ -91,13 +85,6 @@ def _band(settings: Excitation, slew: Slew) -> tuple[float, float]:
     if not frequencies.size:
         raise BadInput("plan: band: is missing: the model has no modes that could set it")
     return _BELOW * float(frequencies[0]), min(_ABOVE * float(frequencies[-1]), highest)
-
-
-def limits_of(settings: Excitation, slew: Slew) -> SignalLimits:
-    """Return the limits that a shaking of no given amplitude keeps."""
-    names = slew.model.joint_names
-    excursion = per_joint("plan: largest_excursion", settings.largest_excursion, names)
-    return SignalLimits(settings.effort_share * slew.effort_limit, excursion, settings.largest_tip)
 
 
 def _plan(

@@ -5,20 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_control.controllers.sampled_loop import LinearPlant, collocated_loop
+from flexslew_control.law import per_joint
+from flexslew_control.planners.excitation.section import Excitation
 from flexslew_control.planners.slew import Slew
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
 _USED = 0.99  # of the room: small motions leave out what is not linear
 _UNSTABLE = 1e12  # of a unit excitation: a loop that is not stable
-
-
-class SignalLimits(NamedTuple):
-    """Limits."""
-
-    effort: Vector  # with the feedback, (joints,) [N m or N]
-    excursion: Vector  # of the joints, (joints,) [rad or m]
-    tip: float | None  # [m]; None: no limit
 
 
 class PredictedPeaks(NamedTuple):
@@ -30,23 +24,25 @@ class PredictedPeaks(NamedTuple):
 
 
 def scale_to_limits(
-    slew: Slew, effort: Matrix, limits: SignalLimits
+    settings: Excitation, slew: Slew, effort: Matrix
 ) -> tuple[Matrix, PredictedPeaks]:
-    """Return efforts scaled to the largest that keep the limits, and what they reach.
+    """Return efforts scaled to the largest that keep the limits of a section, and what they reach.
 
     Args:
+        settings: the section.
         slew: the rest, the model that is believed and the feedback that flies it.
         effort: of the feedforward in any size, shape (ticks, joints) [N m or N].
-        limits: limits.
 
     Raises:
         BadInput: under this feedback the small motions grow without bound.
     """
     found = _predicted(slew, effort)
+    names, key = slew.model.joint_names, "plan: largest_excursion"
+    excursion = per_joint(key, settings.largest_excursion, names)
     used = max(
-        float((found.effort / limits.effort).max()),
-        float((found.excursion / limits.excursion).max()),
-        found.tip / limits.tip if limits.tip else 0.0,
+        float((found.effort / (settings.effort_share * slew.effort_limit)).max()),
+        float((found.excursion / excursion).max()),
+        found.tip / settings.largest_tip if settings.largest_tip else 0.0,
     )
     if not used < _UNSTABLE:
         raise BadInput(

@@ -170,14 +170,7 @@ def _best_step(
     at_weights: tuple[Vector, Vector],
     slopes: tuple[Matrix, Matrix],
 ) -> tuple[Vector, float]:
-    """Return the change of the weights that is best for the linearised ensemble, and its gain.
-
-    Args:
-        problem: what is minimised.
-        weights: U.
-        at_weights: the vibrations y and what has bounds at U.
-        slopes: their derivatives by U.
-    """
+    """Return the change of the weights that is best for the linearised ensemble, and its gain."""
     (y, bounded), (g, t) = at_weights, slopes
     quadratic = g.T @ g
     quadratic.flat[:: weights.size + 1] += problem.rho

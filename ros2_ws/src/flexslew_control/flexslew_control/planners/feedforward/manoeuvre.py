@@ -68,19 +68,16 @@ class Manoeuvre:
             for joints in (self.start, middle, self.goal)
         )
 
-    def fly(self, edges: Vector, feedforward: Matrix, rows: Matrix | None = None) -> Matrix:
+    def fly(self, edges: Vector, feedforward: Matrix) -> Matrix:
         """Return the states [q, v] at the edges, shape (steps + 1, 2 n).
 
         Args:
             edges: rising times from 0 on, shape (steps + 1,) [s].
             feedforward: at the stage_times of the edges, shape (STAGES steps, joints) [N m].
-            rows: out, the state at every stage, if requested.
         """
         r = rest_to_rest(self.reference, self.start, self.goal, self.duration, stage_times(edges))
         command = feedforward + self.kp * r.position + self.kd * r.velocity
         record = stage_record(command, self.model.coordinates)
-        if rows is not None:
-            record = record._replace(states=rows)
         return roll_out(self.loop, self.initial_state, edges, record)
 
     def efforts(self, edges: Vector, feedforward: Matrix, path: Matrix) -> Matrix:

@@ -29,10 +29,10 @@ from flexslew_control.planners.feedforward.manoeuvre import (
 )
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import (
-    ExcessTorque,
     FeedbackKey,
     Slew,
     plan_on_ticks,
+    require_effort,
     tick_times,
 )
 from flexslew_control.planners.slewing import SlewPlanner
@@ -190,11 +190,8 @@ def with_nominal_reference(
 def _check_saturation(model: Model, peak: Vector, limit: Vector) -> None:
     if not np.isfinite(peak).all():
         raise PlanFailed("modes are too fast for a tick; plan with a `model` of fewer modes")
-    for name, needed, allowed in zip(model.joint_names, peak, limit, strict=True):
-        if not needed <= allowed:
-            raise ExcessTorque(
-                f"the manoeuvre needs {needed:.4g} N m on {name}, the limit is {allowed:g} N m"
-            )
+    words = "the manoeuvre needs {:.4g} N m on {}, the limit is {:g} N m"
+    require_effort(peak, limit, model.joint_names, words)
 
 
 OPTIMIZED = PlannerEntry(

@@ -46,20 +46,19 @@ from flexslew_control.planners.feedforward.optimized_feedforward import (
 )
 from flexslew_control.planners.held_efforts import joints_at_rest
 from flexslew_control.planners.progress import Progress, Update, ignore
-from flexslew_control.planners.slew import ExcessTorque, FeedbackKey, Slew
+from flexslew_control.planners.slew import ExcessTorque, FeedbackKey, Slew, joint_ranges
 from flexslew_control.planners.slewing import RESIDUAL_SHARE, SlewPlanner
 from flexslew_control.planners.trajectories import Profile
 from flexslew_control.shared_keys import DesignModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.errors import PlanFailed
 from flexslew_plant.known_joints import ByJoint
 from flexslew_plant.settings import NonNegative, Positive, section
 
 _HIGH_PRICE = 10.0  # of effort beyond its limit by all of it [m]: high against any vibration
 _SMALL_EXCESS, _REDUCTION = 0.2, 1.2  # share beyond the bound that is taken off it, and times this
-_EXCESS_RATIO = (
-    0.5  # share of its excess before that a dearer effort has where the bound can be kept
-)
+# share of its excess before that a dearer effort has where the bound can be kept
+_EXCESS_RATIO = 0.5
 _MAX_SEARCH = 4  # searches with a bound reduced by what bending the reference takes
 _GOAL_ERROR = 0.02  # of the way: what a dearer effort may leave of it at the end [-]
 
@@ -110,29 +109,6 @@ def ensemble(settings: RobustFeedforward, slew: Slew) -> tuple[FeedforwardMember
     return tuple(members)
 
 
-def joint_range(settings: RobustFeedforward, slew: Slew) -> Matrix | None:
-    """Return the lowest and highest positions that are allowed, (2, joints); infinite where free.
-
-    Raises:
-        BadInput: a range names no joint, or start or goal are not strictly inside it.
-    """
-    if settings.joint_range is None:
-        return None
-    names = slew.model.joint_names
-    found = np.tile([[-np.inf], [np.inf]], len(names))
-    for name, (low, high) in settings.joint_range.items():
-        j = names.index(name)
-        if not low < min(slew.start[j], slew.goal[j]) <= max(slew.start[j], slew.goal[j]) < high:
-            raise BadInput(
-                f"the joint goes from {slew.start[j]:g} to {slew.goal[j]:g}, which must lie inside",
-                "plan",
-                f"joint_range.{name}",
-                [low, high],
-            )
-        found[:, j] = low, high
-    return found
-
-
 class _Found(NamedTuple):
     """Weights, and what the members do with them."""
 
@@ -163,13 +139,10 @@ def _best_weights(problem: Problem, settings: RobustFeedforward, progress: Progr
     )
 
 
-def _check_limits(found: _Found, effort_limit: Vector, requested: Matrix | None) -> bool:
+def _check_limits(found: _Found, effort_limit: Vector, requested: Matrix) -> bool:
     """Return whether all members keep to the limits."""
-    kept = bool((found.peaks <= effort_limit).all())
-    if requested is None:
-        return kept
-    low, high = requested
-    return kept and bool((found.swing[0] >= low).all() and (found.swing[1] <= high).all())
+    kept = (found.peaks <= effort_limit).all() and (found.swing[0] >= requested[0]).all()
+    return bool(kept and (found.swing[1] <= requested[1]).all())
 
 
 def _ends_at_goal(nominal: Manoeuvre, basis: Basis, weights: Matrix) -> bool:
@@ -193,20 +166,13 @@ def _limited_weights(
     problem: Problem,
     settings: RobustFeedforward,
     nominal: Manoeuvre,
-    requested: Matrix | None,
+    requested: Matrix,
     progress: Progress,
 ) -> _Found:
     """Return weights with which all members keep to the limits; the first ones where none do.
 
     A price buys vibration with a little effort beyond the bound. The bound is reduced by what the
     members exceed it, then the price is raised.
-
-    Args:
-        problem: its effort_limit is what the efforts of all members may use.
-        settings: of the plan.
-        nominal: the slew without errors.
-        requested: the range of each joint, (2, joints) [rad or m]; None: free.
-        progress: called with every update of the first search.
     """
     first = _best_weights(problem, settings, progress)
     allowed = problem.effort_limit
@@ -252,9 +218,8 @@ def _require_range(requested: Matrix, position_range: Matrix, names: tuple[str, 
         if position_range[0, j] < requested[0, j] or position_range[1, j] > requested[1, j]:
             raise PlanFailed(
                 f"{name} swings from {position_range[0, j]:.4g} to {position_range[1, j]:.4g}, "
-                "joint_range allows "
-                f"{requested[0, j]:g} to {requested[1, j]:g}: ask for a longer duration, a larger "
-                "rho or a wider range"
+                f"joint_range allows {requested[0, j]:g} to {requested[1, j]:g}: ask for a longer "
+                "duration, a larger rho or a wider range"
             )
 
 
@@ -291,7 +256,7 @@ def _best_plan(
     slew: Slew,
     nominal: Manoeuvre,
     problem: Problem,
-    requested: Matrix | None,
+    requested: Matrix,
     progress: Progress,
 ) -> tuple[_Found, Plan]:
     """Return weights and their plan, all efforts within the limits less the reserve.
@@ -307,8 +272,7 @@ def _best_plan(
     members = tuple(problem.members)
     for k in range(_MAX_SEARCH):
         found = _limited_weights(problem, settings, nominal, requested, ignore if k else progress)
-        if requested is not None:
-            _require_range(requested, found.swing, slew.model.joint_names)
+        _require_range(requested, found.swing, slew.model.joint_names)
         _require_torque(settings, slew, members, found.peaks)
         plan = _reference_plan(settings, slew, nominal, problem.basis, found)
         peak = abs(plan.effort).max(axis=0)
@@ -340,9 +304,8 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
     nominal = manoeuvre_of(slew, settings.duration, settings.reference)
     basis = Basis(settings.basis, settings.functions, settings.duration)
     free = 1.0 - settings.reserve
-    requested = joint_range(settings, slew)
-    inner = None
-    if requested is not None:
+    requested, inner = joint_ranges(settings.joint_range or {}, slew, strict=True), None
+    if settings.joint_range is not None:
         ends = np.array((np.minimum(slew.start, slew.goal), np.maximum(slew.start, slew.goal)))
         inner = np.where(np.isfinite(requested), ends + free * (requested - ends), requested)
     problem = Problem(members, basis, settings.rho, free * slew.effort_limit, inner)

@@ -16,8 +16,9 @@ from flexslew_control.planners.input_shaping.shaped_motion import (
 )
 from flexslew_control.planners.input_shaping.shaped_trajectory import plan_shaped_trajectory
 from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.slew import ExcessTorque, Slew, plan_on_ticks, tick_times
+from flexslew_control.planners.slew import Slew, plan_on_ticks, require_effort, tick_times
 from flexslew_control.planners.slewing import SlewPlanner
+from flexslew_control.planners.trajectories import PROFILES
 from flexslew_control.planners.trajectory_file import points_of_file
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -47,7 +48,7 @@ def plan_input_shaping(settings: InputShaping, slew: Slew, progress: Progress) -
     t: Vector = h * np.arange(FINE * (len(ticks) - 1) + 1, dtype=np.float64)
     path, rate = np.zeros(t.size), np.zeros(t.size)
     for at, amplitude in zip(shaper.times, shaper.amplitudes, strict=True):
-        p, dp, _ = command_profile(settings.command, (t - at) / settings.duration)
+        p, dp = command_profile(settings.command, (t - at) / settings.duration)
         path += amplitude * p
         rate += amplitude * dp / settings.duration
     try:
@@ -56,11 +57,8 @@ def plan_input_shaping(settings: InputShaping, slew: Slew, progress: Progress) -
         raise BadInput(f"plan: goal: {error}") from None
     effort = mean_efforts(model, q, v, h)
     peak = np.abs(effort).max(axis=0)
-    for name, needed, allowed in zip(model.joint_names, peak, slew.effort_limit, strict=True):
-        if needed > allowed:
-            raise ExcessTorque(
-                f"the shaped slew needs {needed:.4g} N m on {name}, the limit is {allowed:g} N m"
-            )
+    words = "the shaped slew needs {:.4g} N m on {}, the limit is {:g} N m"
+    require_effort(peak, slew.effort_limit, model.joint_names, words)
     m = model.joints
     q, v = q[::FINE], v[::FINE]
     summary = {
@@ -76,39 +74,30 @@ def plan_input_shaping(settings: InputShaping, slew: Slew, progress: Progress) -
     return plan_on_ticks(settings, slew, reference, effort, summary, np.hstack((q, v)))
 
 
-def command_profile(name: Command, s: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return p, p', p'' of a unit command from 0 to 1 over 0 <= s <= 1, at rest outside.
+def command_profile(name: Command, s: Vector) -> tuple[Vector, Vector]:
+    """Return p and p' of a unit command from 0 to 1 over 0 <= s <= 1, at rest outside.
 
     sin2 starts and stops with sin^2 pulses of a third each and coasts between them; bang_bang
-    is the rigid body's time-optimal command.
+    is the rigid body's time-optimal command; the others are those of rest_to_rest.
     """
     x = np.clip(s, 0.0, 1.0)
-    active = (s > 0.0) & (s < 1.0)
-    if name == "cubic":
-        p, rate, slope = x * x * (3 - 2 * x), 6 * x * (1 - x), 6 - 12 * x
-    elif name == "quintic":
-        p, rate = x**3 * (10 + x * (6 * x - 15)), 30 * x * x * (1 - x) ** 2
-        slope = 60 * x * (1 - x) * (1 - 2 * x)
-    elif name == "bang_bang":
+    if name == "bang_bang":
         late = x > 0.5
         p = np.where(late, 1 - 2 * (1 - x) ** 2, 2 * x * x)
-        rate, slope = np.where(late, 4 * (1 - x), 4 * x), np.where(late, -4.0, 4.0)
-    else:
-        first, second = np.clip(3 * x, 0.0, 1.0), np.clip(3 * x - 2, 0.0, 1.0)
-        a, b = (_pulse(first), _pulse(second))
+        rate = np.where(late, 4 * (1 - x), 4 * x)
+    elif name == "sin2":
+        a, b = _pulse(np.clip(3 * x, 0.0, 1.0)), _pulse(np.clip(3 * x - 2, 0.0, 1.0))
         p = 0.5 * (a[0] - b[0]) + 1.5 * np.clip(x - 1 / 3, 0.0, None)
-        rate, slope = 1.5 * (a[1] - b[1]), 4.5 * (a[2] - b[2])
-    return p, np.where(active, rate, 0.0), np.where(active, slope, 0.0)
+        rate = 1.5 * (a[1] - b[1])
+    else:
+        p, rate = PROFILES[name](x)
+    return p, np.where((s > 0.0) & (s < 1.0), rate, 0.0)
 
 
-def _pulse(y: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return the integral of the gained rate, that rate (0 to 1) and 2 sin^2(pi y)."""
-    rate = y - np.sin(2 * np.pi * y) / (2 * np.pi)
-    return (
-        y**2 / 2 - (1 - np.cos(2 * np.pi * y)) / (4 * np.pi**2),
-        rate,
-        2 * np.sin(np.pi * y) ** 2,
-    )
+def _pulse(y: Vector) -> tuple[Vector, Vector]:
+    """Return the integral of the rate that a pulse 2 sin^2(pi y) gains, and that rate (0 to 1)."""
+    integral = y**2 / 2 - (1 - np.cos(2 * np.pi * y)) / (4 * np.pi**2)
+    return integral, y - np.sin(2 * np.pi * y) / (2 * np.pi)
 
 
 def with_files(settings: InputShaping, source: str, trust: Trust) -> InputShaping:

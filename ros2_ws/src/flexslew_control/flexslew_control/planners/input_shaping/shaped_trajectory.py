@@ -1,16 +1,16 @@
 """A trajectory of others, shaped before it is flown."""
 
-from dataclasses import replace
-from typing import Any
-
 from flexslew_control.plan import Plan
 from flexslew_control.planners.entry import PlanTask
 from flexslew_control.planners.input_shaping.section import InputShaping, ShapedBy
 from flexslew_control.planners.input_shaping.shaped_modes import modes_along
-from flexslew_control.planners.joint_trajectory import checked_points, motion_along
-from flexslew_control.planners.slew import plan_on_ticks, slew_of
-from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.settings import plain
+from flexslew_control.planners.joint_trajectory import (
+    checked_points,
+    motion_along,
+    plan_of_motion,
+)
+from flexslew_control.planners.slew import require_effort, slew_of
+from flexslew_plant.errors import BadInput
 
 
 def plan_shaped_trajectory(task: PlanTask) -> Plan:
@@ -21,7 +21,7 @@ def plan_shaped_trajectory(task: PlanTask) -> Plan:
 
     Raises:
         BadInput: points that are not allowed, see joint_trajectory; or keys of a slew beside them.
-        PlanFailed: negative impulses need more effort than a drive has.
+        ExcessTorque: negative impulses need more effort than a drive has.
     """
     settings: InputShaping = task.settings
     slew = slew_of(settings, task.plant, task.feedback)
@@ -35,19 +35,9 @@ def plan_shaped_trajectory(task: PlanTask) -> Plan:
         words = "the model has no mode to shape; give frequencies, or method: joint_trajectory"
         raise BadInput(words, "plan", "frequencies", [])
     motion = motion_along(points, names, slew, settings.start, shaped.shaper)
-    peak = abs(motion.effort).max(axis=0, initial=0.0)
-    for name, needed, limit in zip(slew.model.joint_names, peak, slew.effort_limit, strict=True):
-        if needed > limit:
-            raise PlanFailed(
-                f"the shaped trajectory needs {needed:.4g} on {name}, the limit is {limit:g}; "
-                "give a slower one, or negative: false"
-            )
-    summary: dict[str, Any] = {
-        "duration": motion.duration,
-        **shaped.summary,
-        "peak_effort": peak.tolist(),
-    }
-    reference = motion.position, motion.velocity
-    plan = plan_on_ticks(settings, slew, reference, motion.effort, summary)
-    request = {**plain(settings), "initial": slew.named(slew.start)}
-    return replace(plan, request=request)
+    words = (
+        "the shaped trajectory needs {:.4g} on {}, the limit is {:g}; give a slower one, or "
+        "negative: false"
+    )
+    require_effort(motion.peak, slew.effort_limit, slew.model.joint_names, words)
+    return plan_of_motion(settings, slew, motion, shaped.summary)

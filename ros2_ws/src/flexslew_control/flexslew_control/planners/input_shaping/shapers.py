@@ -63,28 +63,10 @@ class Shaper:
         errors = np.linspace(-span, span, points)
         return np.column_stack((errors, self.residual(frequency * (1.0 + errors), damping)))
 
-    def shape(self, command: Vector, period: float) -> Vector:
-        """Return the command on the ticks after shaping, its delays exact.
-
-        The command, given at its ticks and at rest before and after, is read as linear between
-        them, so a delay may be any part of a tick and the first and last values stay exact.
-
-        Args:
-            command: at the ticks, shape (ticks + 1,) or (ticks + 1, columns).
-            period: one tick [s].
-        """
-        ticks = len(command) + int(np.ceil(self.duration / period - 1e-9))
-        t = period * np.arange(ticks, dtype=np.float64)
-        known = period * np.arange(len(command), dtype=np.float64)
-        columns = np.reshape(command, (len(command), -1))
-        start = columns[0]
-        out = np.zeros((ticks, columns.shape[1]))
-        for at, amplitude in zip(self.times, self.amplitudes, strict=True):
-            for j in range(columns.shape[1]):
-                out[:, j] += amplitude * (np.interp(t - at, known, columns[:, j]) - start[j])
-        out += start
-        out[-1] = columns[-1]
-        return out.reshape((ticks, *command.shape[1:]))
+    def shape(self, function: Callable[[Vector], Vector], times: Vector) -> Vector:
+        """Return the values of a shaped function of time, sum A_i f(t - t_i)."""
+        parts = zip(self.amplitudes.tolist(), self.times.tolist(), strict=True)
+        return np.asarray(np.sum([amplitude * function(times - at) for amplitude, at in parts], 0))
 
 
 UNSHAPED = Shaper(np.zeros(1), np.ones(1))

@@ -1,8 +1,7 @@
 """Start-coast-stop: sin^2 torques, two-impulse shaping, elastic tracking (Sung and Joo, (43))."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -17,6 +16,7 @@ from flexslew_control.planners.input_shaping.shaped_motion import (
     mean_efforts,
     nominal_motion,
 )
+from flexslew_control.planners.input_shaping.shapers import UNSHAPED, Shaper, make_shaper
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Slew, plan_on_ticks, tick_times
 from flexslew_control.planners.slewing import RESIDUAL_SHARE, SlewPlanner
@@ -26,8 +26,6 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds import Model
-
-_Function: TypeAlias = Callable[[Vector], Vector]
 
 
 @section
@@ -148,21 +146,6 @@ def pulse_pair_in(angle: float, duration: float, frequency: float) -> PulsePair:
     return PulsePair(2.0 * angle / (length * stop), frequency, stop)
 
 
-def two_impulse_gains(frequency: float, damping: float) -> tuple[float, float, float]:
-    """Return A_1, A_2 and Delta T of the shaper that cancels one mode (50).
-
-    K = exp(-zeta pi / sqrt(1 - zeta^2)), A_1 = 1/(1 + K), A_2 = K/(1 + K),
-    Delta T = pi / (omega sqrt(1 - zeta^2)).
-
-    Args:
-        frequency: omega [rad/s].
-        damping: zeta, below one [-].
-    """
-    root = float(np.sqrt(1.0 - damping**2))
-    k = float(np.exp(-damping * np.pi / root))
-    return 1.0 / (1.0 + k), k / (1.0 + k), float(np.pi / (frequency * root))
-
-
 def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progress) -> Plan:
     """Return the shaped start-coast-stop manoeuvre with its elastic states; see make_plan.
 
@@ -179,7 +162,8 @@ def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progre
     model, joints = slew.model, slew.model.joints
     leader = int(np.flatnonzero(slew.goal - slew.start)[0])  # the pulses are its torque
     rest = model.rest(slew.named(slew.start))
-    shape, delay = _shape_operator(model, rest, settings)
+    shaper = _shaper(model, rest, settings)
+    delay = shaper.duration
     way, frequency = float((slew.goal - slew.start)[leader]), settings.pulse_frequency
     inertia = float(model.mass_matrix(rest)[leader, leader])
     if settings.duration is None:
@@ -192,7 +176,7 @@ def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progre
     ticks = tick_times(settings.start, duration + settings.swing_on, slew.period)
     h = slew.period / FINE
     t: Vector = np.arange(FINE * (len(ticks) - 1) + 1, dtype=np.float64) * h
-    rate = shape(motion.rate)(t)
+    rate = shaper.shape(motion.rate, t)
     path = cumulative_simpson(rate, dx=h, initial=0.0)
     path_scale = abs(float(path[-1]))
     path, rate = path / path[-1], rate / path[-1]
@@ -207,7 +191,7 @@ def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progre
     effort = mean_efforts(model, *coordinates, h)
     if settings.feedforward == "zero_order":
         at = t[:-1:FINE]
-        effort[:, leader] = inertia * shape(motion.acceleration)(at) / path_scale * abs(way)
+        effort[:, leader] = inertia * shaper.shape(motion.acceleration, at) / path_scale * abs(way)
     peak = abs(effort).max(axis=0)
     if (peak > slew.effort_limit).any():
         raise PlanFailed(
@@ -229,13 +213,7 @@ def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progre
 
 
 def _residual_summary(settings: StartCoastStop, slew: Slew, q: Matrix, v: Matrix) -> dict[str, Any]:
-    """Return for the summary how far the tips swing on after the end, and a warning if they do.
-
-    Args:
-        settings: the `plan` section.
-        slew: what is turned.
-        q, v: nominal coordinates and rates, shape (times, n).
-    """
+    """Return for the summary how far the tips swing on after the end, and a warning if they do."""
     model, m = slew.model, slew.model.joints
     if settings.feedforward != "elastic" or not model.modes:
         return {}  # where the joints yield, the nominal modes are not those of the flight
@@ -256,19 +234,15 @@ def _residual_summary(settings: StartCoastStop, slew: Slew, q: Matrix, v: Matrix
     }
 
 
-def _shape_operator(
-    model: Model, rest: Vector, settings: StartCoastStop
-) -> tuple[Callable[[_Function], _Function], float]:
-    """Return the operator that shapes a function of time, and how much longer it makes it [s]."""
+def _shaper(model: Model, rest: Vector, settings: StartCoastStop) -> Shaper:
+    """Return the two impulses that cancel the first mode (50), or one."""
     if settings.shaper == "none" or not model.modes:
-        return (lambda function: function), 0.0
-    linear = model.linearise(rest)
+        return UNSHAPED
     if settings.shaper == "clamped":
         frequency = min(clamped_frequencies(model))
     else:
-        frequency = float(linear.frequencies[0])
-    a1, a2, delay = two_impulse_gains(frequency, settings.shaper_damping)
-    return (lambda function: lambda t: a1 * function(t) + a2 * function(t - delay)), delay
+        frequency = float(model.linearise(rest).frequencies[0])
+    return make_shaper("zv", frequency, settings.shaper_damping)
 
 
 def _residual_reason(settings: StartCoastStop) -> str:

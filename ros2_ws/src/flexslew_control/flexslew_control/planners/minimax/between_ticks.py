@@ -24,7 +24,8 @@ def passed(ensemble: EnsembleProblem, weights: Vector) -> float:
         ensemble: the members.
         weights: of the efforts.
     """
-    limits, motion, period = ensemble.limits, ensemble.motion, ensemble.grid.period / _PARTS
+    limits, motion = ensemble.question.limits, ensemble.question.motion
+    period = ensemble.grid.period / _PARTS
     if not limits.of_path:
         return 0.0
     trajectories = ensemble.simulate(weights)

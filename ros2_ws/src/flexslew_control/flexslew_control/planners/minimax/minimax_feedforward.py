@@ -28,7 +28,13 @@ from flexslew_control.planners.minimax.turn import three_axis_slew
 from flexslew_control.planners.minimax.turning_motion import RotationMotion
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.residual.motors import matrices, motor_step
-from flexslew_control.planners.slew import FeedbackKey, Slew, plan_on_ticks, tick_times
+from flexslew_control.planners.slew import (
+    FeedbackKey,
+    Slew,
+    joint_ranges,
+    plan_on_ticks,
+    tick_times,
+)
 from flexslew_control.planners.slewing import SlewPlanner
 from flexslew_control.shared_keys import DesignModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
@@ -118,7 +124,7 @@ def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
     """Return the problem of a section.
 
     Raises:
-        BadInput: if a range or a limit is of no joint, or does not contain start and goal; if the
+        BadInput: if a range does not contain start and goal; if the
             testbed does not rest at the goal without an effort; if the craft is there already; or
             if a drive does not turn it.
         PlanFailed: if a boresight is inside a cone of `keep_out` at the start or the goal.
@@ -134,21 +140,8 @@ def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
     if turn is not None and settings.joint_range is not None:
         words = "null; a turn by all drives has no range, take moving for one about an axis"
         raise BadInput(words, "plan", "joint_range", settings.joint_range)
-    joint = np.tile([[-np.inf], [np.inf]], len(names))
-    for name, (low, high) in (settings.joint_range or {}).items():
-        j = _joint(name, names, "joint_range")
-        first, last = sorted((float(slew.start[j]), float(slew.goal[j])))
-        if not low <= first <= last <= high:
-            raise BadInput(
-                f"the joint goes from {slew.start[j]:g} to {slew.goal[j]:g}, which must lie inside",
-                "plan",
-                f"joint_range.{name}",
-                [low, high],
-            )
-        joint[:, j] = low, high
-    rate = np.full(len(names), np.inf)
-    for name, most in rates.items():
-        rate[_joint(name, names, "rate_limit")] = most
+    joint = joint_ranges(settings.joint_range or {}, slew)
+    rate = np.array([rates.get(name, np.inf) for name in names])
     tip = np.inf if settings.tip_limit is None else settings.tip_limit
     limits = Limits(demand, joint, rate, tip)
     if turn is not None:
@@ -168,13 +161,6 @@ def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
         settings.max_steps,
         turn=turn,
     )
-
-
-def _joint(name: str, names: tuple[str, ...], key: str) -> int:
-    if name not in names:
-        allowed = ", ".join(names)
-        raise BadInput(f"plan: {key}: {name} is not a joint of the testbed; allowed: {allowed}")
-    return names.index(name)
 
 
 def _plan(settings: MinimaxFeedforward, question: Question, found: Found) -> Plan:

@@ -208,16 +208,7 @@ def affine_path(
 def _command_derivatives(
     j: int, states: Tensor, nominal: Tensor, by_member: Tensor, by_nominal: Tensor, grid: Grid
 ) -> Matrix:
-    """Return the derivatives of the demand on a joint at every tick, (ticks, weights).
-
-    Args:
-        j: index of the joint.
-        states: derivatives of the member's states.
-        nominal: derivatives of the nominal member's states.
-        by_member: derivatives of the feedback by the own state, shape (ticks, joints, size).
-        by_nominal: those by the nominal member's state, of the same shape.
-        grid: the ticks and pieces.
-    """
+    """Return the derivatives of the demand on a joint at every tick, (ticks, weights)."""
     found = np.zeros((grid.ticks, grid.size))
     for slopes, by in ((states, by_member[:, j]), (nominal, by_nominal[:, j])):
         _add(by, slopes, found)
@@ -227,12 +218,12 @@ def _command_derivatives(
 
 
 def _add(by: Matrix, states: Tensor, found: Matrix) -> None:
-    """Add the derivatives by the weights of what has derivatives by the states.
+    """Add the derivatives by the weights, (ticks, weights), of what has derivatives by the states.
 
     Args:
         by: of every tick but the last, shape (ticks, size).
         states: derivatives of the states, shape (ticks + 1, size, weights).
-        found: shape (ticks, weights).
+        found: to which they are added.
     """
     for i in np.flatnonzero(by.any(axis=0)):
         found += by[:, i, None] * states[:-1, i]

@@ -14,7 +14,8 @@ from flexslew_control.planners.minimax.program import Optimum
 from flexslew_control.planners.minimax.question import Question, convex_program
 from flexslew_control.planners.minimax.response import Grid
 from flexslew_control.planners.minimax.rounds import RESIDUAL_FLOOR, Goal, solved
-from flexslew_control.planners.minimax.search import FEASIBLE, Report, Search, local_optimum, smooth
+from flexslew_control.planners.minimax.search import FEASIBLE, Report, local_optimum, smooth
+from flexslew_control.planners.minimax.successive import ensemble_problem
 from flexslew_control.planners.progress import Progress
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import PlanFailed
@@ -60,27 +61,25 @@ def found_optimum(question: Question, progress: Progress, target: float | None =
     """
     members = members_of(question.ensemble, question.slew)
     report = Report(progress)
-    if (direct := _smooth_optimum(question, members, report)) is not None:
+    if (direct := _smooth_optimum(question, members)) is not None:
         return direct
     if all(is_linear(member.model) for member in members):
         return _convex(question, members, report, target)
     return _local(question, members, report)
 
 
-def _smooth_optimum(
-    question: Question, members: tuple[Member, ...], report: Report
-) -> Found | None:
+def _smooth_optimum(question: Question, members: tuple[Member, ...]) -> Found | None:
     """Return a smooth rigid turn; None: it misses the limits, or leaves what can be seen."""
     grid = question.grid()
     if question.rho or grid.pieces < 2:
         return None
     weights = smooth(question, grid)
-    merit = Search(question, members, grid, report).merit(weights)
+    merit = ensemble_problem(question, members, grid).merit(weights)
     threshold = max(_RESIDUAL_FLOOR * question.span, _SMALLEST)
     if merit.residuals.max() > threshold or merit.max_violation > FEASIBLE:
         return None
     words = "a smooth turn, which leaves nothing that can be seen; nothing better was sought"
-    optimum = Optimum(weights, merit.residuals, 0.0, merit.max_violation)
+    optimum = merit.as_optimum(weights)
     return Found(question.duration, grid, members, optimum, False, 0, words)
 
 
@@ -105,7 +104,7 @@ def _convex(
         other = _convex(replace(question, duration=duration), members, report, None)
     except PlanFailed:
         return direct
-    other = extend_optimum(question, other, report)
+    other = _extend_optimum(question, other, report)
     return direct if direct.optimum.worst <= other.optimum.worst else other
 
 
@@ -119,7 +118,7 @@ def _direct(
     program = convex_program(question, members)
     best = solved(program, report, Goal(target=target))
     for _ in range(_REFINE_STEPS if target is None or best.worst <= target else 0):
-        if not (more := _additional_members(question, program.grid, best, report)):
+        if not (more := _additional_members(question, program.grid, best)):
             break
         members = (*members, *more)
         program = convex_program(question, members)
@@ -131,17 +130,14 @@ def _direct(
     return Found(question.duration, program.grid, members, best, True, report.count, words)
 
 
-def _additional_members(
-    question: Question, grid: Grid, best: Optimum, report: Report
-) -> tuple[Member, ...]:
+def _additional_members(question: Question, grid: Grid, best: Optimum) -> tuple[Member, ...]:
     """Return the members between the others that are left with more; none: it is not much more."""
     intermediate = intermediate_members(question.ensemble, question.slew, _PARTS)
     if not intermediate:
         return ()
     nominal = members_of(replace(question.ensemble, vary={}), question.slew)
-    residuals = (
-        Search(question, (*nominal, *intermediate), grid, report).merit(best.weights).residuals
-    )
+    problem = ensemble_problem(question, (*nominal, *intermediate), grid)
+    residuals = problem.merit(best.weights).residuals
     most = best.worst + RESIDUAL_FLOOR * question.span
     if residuals.max() <= (1.0 + _MORE) * most:
         return ()
@@ -154,23 +150,17 @@ def _local(question: Question, members: tuple[Member, ...], report: Report) -> F
     problem = replace(question, duration=question.actuation)
     grid, weights, merit = local_optimum(problem, members, report)
     words = "the best local optimum from 2 starts, not a bound: the plant is not linear"
-    optimum = Optimum(weights, merit.residuals, 0.0, merit.max_violation)
+    optimum = merit.as_optimum(weights)
     found = Found(problem.duration, grid, members, optimum, False, report.count, words)
-    return extend_optimum(question, found, report)
+    return _extend_optimum(question, found, report)
 
 
-def extend_optimum(question: Question, found: Found, report: Report) -> Found:
-    """Return the optimum of a shorter slew, held at the goal until the end of a longer one.
-
-    Args:
-        question: what is sought.
-        found: of the shorter slew.
-        report: of the programs that were solved.
-    """
+def _extend_optimum(question: Question, found: Found, report: Report) -> Found:
+    """Return the optimum of a shorter slew, held at the goal until the end of a longer one."""
     grid = found.grid.extend_until(question.ticks)
     if grid == found.grid:
         return found
-    merit = Search(question, found.members, grid, report).merit(found.optimum.weights)
-    optimum = Optimum(found.optimum.weights, merit.residuals, 0.0, merit.max_violation)
+    weights = found.optimum.weights
+    optimum = ensemble_problem(question, found.members, grid).merit(weights).as_optimum(weights)
     words = f"{found.words}; its efforts end after {found.duration:g} s, then it rests at the goal"
     return Found(question.duration, grid, found.members, optimum, False, report.count, words)

@@ -26,8 +26,7 @@ class Limits:
         tip: largest |tip| of the whole flight [m].
         along: lowest and highest other readings of the motion, shape (2, readings).
         margin: share of rates and of `along` that is kept free, for the motion between the ticks
-            and
-            for the tolerance of a search [-].
+            and for the tolerance of a search [-].
     """
 
     demand: Vector

@@ -41,8 +41,7 @@ _A_STEP = 4  # the same of a step, which is flown and judged anyway: few rows ar
 _FIRST_ROWS = 5  # of each member's tips, after the end
 _FIRST_OF_A_STEP = 1  # the rounds find the others
 
-# round, weights, worst residual and bound [m]
-Listener = Callable[[int, Vector, float, float], None]
+Listener = Callable[[Vector, float, float], None]  # of weights, worst residual and bound [m]
 
 
 class Goal(NamedTuple):
@@ -88,7 +87,7 @@ def solved(
     best: Optimum | None = None
     for k in range(goal.iterations or _ITERATIONS):
         kept, found = _round(cones)
-        listener(k, found.weights, found.worst, found.bound)
+        listener(found.weights, found.worst, found.bound)
         if kept and goal.feasible:
             return found
         if kept and (best is None or cones.cost(found) < cones.cost(best)):
@@ -152,15 +151,7 @@ def _round(cones: Cones) -> tuple[bool, Optimum]:
 
 
 def _done(cones: Cones, goal: Goal, best: Optimum | None, found: Optimum, floor: float) -> bool:
-    """Return whether the best solution that keeps to the limits is good enough, or none can be.
-
-    Args:
-        cones: the program.
-        goal: when it counts as solved.
-        best: that keeps to the limits; None: none yet.
-        found: of this round.
-        floor: what residual and bound may differ by, of the way [m/rad or -].
-    """
+    """Return whether the best solution that keeps to the limits is good enough, or none can be."""
     if goal.target is not None and found.bound > goal.target:
         return True
     if best is None:

@@ -6,31 +6,29 @@ first.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
+from flexslew_control.planners.held_efforts import least_change
 from flexslew_control.planners.minimax.between_ticks import passed
-from flexslew_control.planners.minimax.members import Member, members_of
-from flexslew_control.planners.minimax.program import ConeProgram
-from flexslew_control.planners.minimax.question import Question, program_of, rest_models_of
-from flexslew_control.planners.minimax.response import AtRest, Grid, Response
+from flexslew_control.planners.minimax.members import Member
+from flexslew_control.planners.minimax.question import Question
+from flexslew_control.planners.minimax.response import Grid
 from flexslew_control.planners.minimax.successive import (
     FIRST_RADIUS,
+    EnsembleProblem,
     Local,
     Merit,
+    ensemble_problem,
     improved,
-    merit_of,
 )
-from flexslew_control.planners.minimax.successive import EnsembleProblem as Flown
-from flexslew_control.planners.progress import Progress, Update, ignore
+from flexslew_control.planners.progress import Progress, Update
 from flexslew_control.planners.residual.whole_bench import TIP_FLOOR
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import PlanFailed
 
 _A_PIECE = 5  # coarse ticks, at least
 _ANGLE = 0.4  # of the fastest pole in a coarse tick [rad]
-_PRICE = 10.0  # of missing the end or the limits by all of them, per way [m/rad or -]
 FEASIBLE = 5e-4  # share of the end and the limits at which no member joins
 _MAX_VIOLATION = 2e-3  # share of the end and the limits that may be missed
 _ADD_MARGIN = 0.02  # than the members that were counted with, for another one to join them [-]
@@ -41,9 +39,8 @@ _MIN_RADIUS = 0.02  # of the limits, the smallest first region with more members
 _MORE = 6  # rounds in which members join, or an unsettled search goes on
 _NEWTON_STEPS, _CLOSE = 5, 1e-9  # of Newton's method, and share of the end that is missed then [-]
 _AT_ONCE = 6  # members that join in a round
-PATH_MARGIN = (
-    2e-3  # share of the limits of a turn's path that is kept free, four times what is missed
-)
+# share of the limits of a turn's path that is kept free, four times what is missed
+PATH_MARGIN = 2e-3
 _MARGIN_RATIO, _MAX_MARGIN_STEPS = 1.5, 4  # times what was passed between the ticks, and how often
 
 
@@ -54,137 +51,12 @@ class Report:
     progress: Progress
     count: int = 0
 
-    def __call__(self, number: int, weights: Vector, residual: float, bound: float) -> None:
+    def __call__(self, weights: Vector, residual: float, bound: float) -> None:
         """Report one more program, its worst residual and the bound [m]."""
         self.count += 1
         gap = (residual - bound) / max(residual, 1e-300)
         size = float(np.linalg.norm(weights))
         self.progress(Update(self.count, residual, residual, size, gap, True))
-
-
-@dataclass(frozen=True)
-class Search:
-    """The search of a local optimum on some members and a grid."""
-
-    question: Question
-    members: tuple[Member, ...]
-    grid: Grid
-    report: Report
-    known_rest_models: tuple[AtRest, ...] = ()  # of the members; empty: to be computed
-
-    @cached_property
-    def ensemble(self) -> Flown:
-        """The members as they are flown."""
-        q = self.question
-        rest_models = self.known_rest_models or rest_models_of(q, self.members, self.grid)
-        motors = q.slew.motors(self.grid.period)
-        return Flown(
-            self.members, rest_models, q.motion, q.slew.goal, q.gains, motors, self.grid, q.limits
-        )
-
-    @cached_property
-    def price(self) -> float:
-        """Of what is missed [m]."""
-        return _PRICE * self.question.span
-
-    def program(self, responses: Sequence[Response]) -> ConeProgram:
-        """Return the program about some flights."""
-        return program_of(self.question, self.members, self.grid, responses)
-
-    def run(self, start: Vector, steps: int, radius: float = FIRST_RADIUS) -> Local:
-        """Return the local optimum near some weights; see improved."""
-
-        def listener(number: int, weights: Vector, merit: Merit, bound: float) -> None:
-            self.report(number, weights, float(merit.residuals.max()), bound)
-
-        return improved(
-            self.program, self.ensemble, start, self.price, steps, radius, listener,
-            self.question.feasible,
-        )  # fmt: skip
-
-    def of(self, used: Sequence[int]) -> "Search":
-        """Return the search on some of the members."""
-        rest_models = tuple(self.ensemble.rests[i] for i in used)
-        return replace(
-            self, members=tuple(self.members[i] for i in used), known_rest_models=rest_models
-        )
-
-    def extend(self, start: Vector, used: list[int]) -> tuple[Local, list[int]]:
-        """Return the optimum for all members near some weights, and those that decide it.
-
-        It is sought on some members; the worst of the others join them until none is worse and the
-        search has settled: one that ends early may leave more than that of a shorter slew.
-        """
-        radius = FIRST_RADIUS
-        for _ in range(_MORE):
-            local = self.of(used).run(start, self.question.steps, radius)
-            start = local.weights
-            radius = float(np.clip(_RADIUS_RATIO * local.radius, _MIN_RADIUS, FIRST_RADIUS))
-            merit = self.merit(start)
-            selected = merit.residuals > (1.0 + _ADD_MARGIN) * local.merit.residuals.max()
-            selected &= (merit.residuals > TIP_FLOOR) & (not self.question.feasible)
-            selected |= merit.violations > FEASIBLE
-            new = [int(i) for i in np.flatnonzero(selected) if i not in used]
-            if not new and local.settled:
-                break
-            price = merit.residuals + self.price * merit.violations
-            used = [*used, *sorted(new, key=lambda i: -float(price[i]))[:_AT_ONCE]]
-        return local, used
-
-    def ended(self, weights: Vector) -> Vector:
-        """Return the weights with which the nominal member's end is met, by Newton's method.
-
-        The smallest change is weighed by the room below the limits, see held_efforts.
-        """
-        nominal = self.of([0])
-        limit = np.tile(self.question.limits.demand, self.grid.pieces)
-        for _ in range(_NEWTON_STEPS):
-            response = nominal.ensemble.responses(weights, nominal.ensemble.simulate(weights))
-            program, (slope, offset) = nominal.program(response), response[0].path.end
-            error = program.end_error(slope @ weights + offset)
-            if np.abs(error).max(initial=0.0) < _CLOSE:
-                break
-            slack = np.maximum(limit - abs(weights), 0.0) ** 2
-            slopes = program.end_error(slope)
-            weighted = slopes * slack
-            change = weighted.T @ np.linalg.lstsq(weighted @ slopes.T, error, rcond=1e-12)[0]
-            weights = np.clip(weights - change, -limit, limit)
-        return weights
-
-    def closed(self, weights: Vector) -> tuple[Vector, Merit]:
-        """Return weights and what they come to; of a turn those with which its end is met."""
-        merit = self.merit(weights)
-        if self.question.turn is not None and not self.question.feasible:
-            exact_weights = self.ended(weights)
-            exact = self.merit(exact_weights)
-            if exact.max_violation <= max(merit.max_violation, FEASIBLE):
-                return exact_weights, exact
-        return weights, merit
-
-    def with_margin(self, past: float) -> "Search":
-        """Return the search with more to spare, after so large a share was passed."""
-        limits = self.question.limits
-        limits = replace(limits, margin=limits.margin + _MARGIN_RATIO * past)
-        question = replace(self.question, limits=limits)
-        return replace(self, question=question, known_rest_models=tuple(self.ensemble.rests))
-
-    def ordered(self, starts: list[Vector]) -> list[Vector]:
-        """Return starts as they are; where the path has limits, the one that misses least first."""
-        if not self.question.limits.along.size:
-            return starts
-        return sorted(starts, key=lambda weights: self.merit(weights).max_violation)
-
-    def merit(self, weights: Vector) -> Merit:
-        """Return what all members come to."""
-        return merit_of(
-            self.program, self.ensemble, weights, self.ensemble.simulate(weights), self.price
-        )
-
-
-def search_of(question: Question) -> Search:
-    """Return the search on all members and the ticks of the bench."""
-    members = members_of(question.ensemble, question.slew)
-    return Search(question, members, question.grid(), Report(ignore))
 
 
 def local_optimum(
@@ -197,47 +69,116 @@ def local_optimum(
     """
     stride, used = _stride(question), _extreme_members(members)
     grid = question.grid(stride)
-    search = Search(question, members, grid, report)
-    first, *others = search.ordered(_starts(question, grid))
-    best, used = search.extend(first, used)
+    coarse = ensemble_problem(question, members, grid)
+    first, *others = _starts(coarse)
+    best, used = _extended(coarse, first, used, report)
     done = best.merit.residuals.max() <= TIP_FLOOR
     done |= question.feasible and best.merit.max_violation <= FEASIBLE
     for start in () if done else others:
-        local = search.of(_extreme_members(members)).run(start, _A_START)
+        local = improved(coarse.of(_extreme_members(members)), start, _A_START, listener=report)
         if local.merit.cost < _COST_RATIO * best.merit.cost:
-            other, more = search.extend(local.weights, used)
+            other, more = _extended(coarse, local.weights, used, report)
             if other.merit.cost < best.merit.cost:
                 best, used = other, more
     fine = grid._replace(
         edges=tuple(stride * edge for edge in grid.edges),
         period=question.slew.period,
         monitored=stride * grid.monitored,
-    )
-    fine = fine.extend_until(question.ticks)
-    search = Search(question, members, fine, report)
-    weights, merit = best.weights, search.merit(best.weights)
+    ).extend_until(question.ticks)
+    problem = ensemble_problem(question, members, fine)
+    weights, merit = best.weights, problem.merit(best.weights)
     most = np.inf if question.feasible else (1.0 + _ADD_MARGIN) * best.merit.residuals.max()
     if merit.residuals.max() > max(most, TIP_FLOOR) or merit.max_violation > FEASIBLE:
-        weights = search.extend(weights, used)[0].weights
-    weights, merit = search.closed(weights)
-    past = passed(search.ensemble, weights) if question.turn is not None else 0.0
+        weights = _extended(problem, weights, used, report)[0].weights
+    weights, merit = _closed(problem, weights)
+    past = passed(problem, weights) if question.turn is not None else 0.0
     for _ in range(_MAX_MARGIN_STEPS):
         if past <= 0.0 or merit.max_violation > _MAX_VIOLATION:
             break
-        search = search.with_margin(past)
-        weights, merit = search.closed(search.extend(weights, used)[0].weights)
-        past = passed(search.ensemble, weights)
-    if merit.max_violation <= _MAX_VIOLATION and past > 0.0:
-        raise PlanFailed(
-            f"no efforts were found that keep out of the cones of keep_out and below rate_limit in "
-            f"{question.duration:g} s: the best ones pass a limit by {100.0 * past:.3g} % of it"
-        )
+        problem = _with_margin(problem, past)
+        weights, merit = _closed(problem, _extended(problem, weights, used, report)[0].weights)
+        past = passed(problem, weights)
+    _require_limits(question, merit, past)
+    return fine, weights, merit
+
+
+def _require_limits(question: Question, merit: Merit, past: float) -> None:
+    """Check that efforts keep to the limits, between the ticks too.
+
+    Raises:
+        PlanFailed: they do not.
+    """
     if merit.max_violation > _MAX_VIOLATION:
         raise PlanFailed(
             f"no efforts were found that lead to the goal in {question.duration:g} s within the "
             f"limits: the best ones miss by {100.0 * merit.max_violation:.3g} % of them"
         )
-    return fine, weights, merit
+    if past > 0.0:
+        raise PlanFailed(
+            f"no efforts were found that keep out of the cones of keep_out and below rate_limit in "
+            f"{question.duration:g} s: the best ones pass a limit by {100.0 * past:.3g} % of it"
+        )
+
+
+def _extended(
+    ensemble: EnsembleProblem, start: Vector, used: list[int], report: Report
+) -> tuple[Local, list[int]]:
+    """Return the optimum for all members near some weights, and those that decide it.
+
+    It is sought on some members; the worst of the others join them until none is worse and the
+    search has settled: one that ends early may leave more than that of a shorter slew.
+    """
+    radius, question = FIRST_RADIUS, ensemble.question
+    for _ in range(_MORE):
+        local = improved(ensemble.of(used), start, question.steps, radius, report)
+        start = local.weights
+        radius = float(np.clip(_RADIUS_RATIO * local.radius, _MIN_RADIUS, FIRST_RADIUS))
+        merit = ensemble.merit(start)
+        selected = merit.residuals > (1.0 + _ADD_MARGIN) * local.merit.residuals.max()
+        selected &= (merit.residuals > TIP_FLOOR) & (not question.feasible)
+        selected |= merit.violations > FEASIBLE
+        new = [int(i) for i in np.flatnonzero(selected) if i not in used]
+        if not new and local.settled:
+            break
+        price = merit.residuals + ensemble.price * merit.violations
+        used = [*used, *sorted(new, key=lambda i: -float(price[i]))[:_AT_ONCE]]
+    return local, used
+
+
+def _ended(ensemble: EnsembleProblem, weights: Vector) -> Vector:
+    """Return the weights with which the nominal member's end is met, by Newton's method.
+
+    The smallest change is weighed by the room below the limits.
+    """
+    nominal = ensemble.of([0])
+    limit = np.tile(ensemble.question.limits.demand, ensemble.grid.pieces)
+    for _ in range(_NEWTON_STEPS):
+        response = nominal.responses(weights, nominal.simulate(weights))
+        program, (slope, offset) = nominal.program(response), response[0].path.end
+        error = program.end_error(slope @ weights + offset)
+        if np.abs(error).max(initial=0.0) < _CLOSE:
+            break
+        change = least_change(program.end_error(slope), limit - abs(weights), error)
+        weights = np.clip(weights - change, -limit, limit)
+    return weights
+
+
+def _closed(ensemble: EnsembleProblem, weights: Vector) -> tuple[Vector, Merit]:
+    """Return weights and what they come to; of a turn those with which its end is met."""
+    merit = ensemble.merit(weights)
+    if ensemble.question.turn is not None and not ensemble.question.feasible:
+        exact_weights = _ended(ensemble, weights)
+        exact = ensemble.merit(exact_weights)
+        if exact.max_violation <= max(merit.max_violation, FEASIBLE):
+            return exact_weights, exact
+    return weights, merit
+
+
+def _with_margin(ensemble: EnsembleProblem, past: float) -> EnsembleProblem:
+    """Return the problem with more to spare, after so large a share was passed."""
+    question, limits = ensemble.question, ensemble.question.limits
+    limits = replace(limits, margin=limits.margin + _MARGIN_RATIO * past)
+    return replace(ensemble, question=replace(question, limits=limits))
 
 
 def _extreme_members(members: Sequence[Member]) -> list[int]:
@@ -260,14 +201,19 @@ def _stride(question: Question) -> int:
     return min(range(most, most // 2, -1), key=lambda stride: grid.ticks % stride)
 
 
-def _starts(question: Question, grid: Grid) -> list[Vector]:
+def _starts(ensemble: EnsembleProblem) -> list[Vector]:
     """Return efforts to start from: those of a smooth rigid turn, and none.
 
-    In three axes the fastest ones of a rigid craft, slowed down, come instead of none.
+    In three axes the fastest ones of a rigid craft, slowed down, come instead of none. Where the
+    path has limits, the start that misses least comes first.
     """
+    question, grid = ensemble.question, ensemble.grid
     limit = np.tile(question.limits.demand, grid.pieces)
     other = np.zeros(grid.size) if question.turn is None else question.turn.scaled_weights(grid)
-    return [np.clip(start, -limit, limit) for start in (smooth(question, grid), other)]
+    starts = [np.clip(start, -limit, limit) for start in (smooth(question, grid), other)]
+    if not question.limits.along.size:
+        return starts
+    return sorted(starts, key=lambda weights: ensemble.merit(weights).max_violation)
 
 
 def smooth(question: Question, grid: Grid) -> Vector:

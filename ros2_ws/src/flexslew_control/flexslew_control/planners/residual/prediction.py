@@ -92,8 +92,7 @@ def motion_warning(from_rest: Prediction, in_motion: Prediction) -> str:
         return ""
     return (
         f"the bench moves before the plan begins: {left:.3g} m is left at the tips, {at_rest:.3g} "
-        "m "
-        "from rest; damp the swing first, by the law or by a later start"
+        "m from rest; damp the swing first, by the law or by a later start"
     )
 
 

@@ -77,15 +77,7 @@ def with_bench_residual(
 def _with_residual(
     plan: Plan, plant: PlantDescription, found: Prediction, key: str, words: str
 ) -> Plan:
-    """Return the plan with its residual, and with a warning if that is more than before.
-
-    Args:
-        plan: with the residual that was predicted so far.
-        plant: what stands on the bench.
-        found: the residual.
-        key: of the summary, for the residual that was predicted so far.
-        words: of the warning.
-    """
+    """Return the plan with its residual, and with a warning if that is more than before."""
     errors = dict(zip(plant.joint_names, found.attitude_error.tolist(), strict=True))
     values: dict[str, Any] = {PREDICTED: found.tip_deflection, ATTITUDE_ERROR: errors}
     values[key] = plan.summary[PREDICTED]
@@ -186,12 +178,8 @@ def simulate_on_bench(
     motors = motors or at_once(limit.size)
     late = np.zeros(len(motors[0]))
     deflection, peak, errors = 0.0, 0.0, np.zeros(len(names))
-    last_effort, after, increase, k = (
-        max(before + len(plan.effort), last),
-        MIN_MONITOR_TIME / plan.period,
-        0,
-        -1,
-    )
+    last_effort, after = max(before + len(plan.effort), last), MIN_MONITOR_TIME / plan.period
+    increase, k = 0, -1
     while (k := k + 1) <= last_effort + np.ceil(after):
         now = plan.start + (k - before) * plan.period
         seen = sensors.read(exact_readings(model, x, effort, now), x)

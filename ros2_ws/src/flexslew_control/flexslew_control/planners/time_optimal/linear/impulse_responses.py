@@ -1,12 +1,11 @@
 """Impulse responses of a slew's end conditions, c(tau) = C e^(A tau) B, on a grid of tau."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy.linalg import expm
 
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 
 _ORDER = 4  # derivatives of c that are kept
 
@@ -19,30 +18,24 @@ class ImpulseResponses:
     values: Matrix  # c and its derivatives, shape (times, _ORDER, conditions)
     integral: Matrix  # of c from 0, shape (times, conditions)
 
-    @cached_property
-    def end(self) -> float:
-        """Last tau [s]."""
-        return self.step * (len(self.values) - 1)
-
     def integral_at(self, tau: Vector) -> Matrix:
         """Return the integral of c from 0 to every tau, shape (taus, conditions)."""
-        k = np.minimum((tau / self.step).astype(np.int64), len(self.values) - 1)
-        shift, total = tau - self.step * k, self.integral[k]
-        share = np.ones(tau.size)
+        k, shift = self._interval(tau)
+        total, share = self.integral[k], np.ones_like(shift)
         for order in range(_ORDER):
             share = share * shift / (order + 1.0)
-            total = total + share[:, None] * self.values[k, order]
+            total = total + share * self.values[k, order]
         return np.asarray(total)
 
     def at(self, tau: Vector, order: int = 0) -> Matrix:
         """Return c or a derivative of it at every tau, shape (taus, conditions)."""
+        k, shift = self._interval(tau)
+        return _series(self.values[k], shift, order)
+
+    def _interval(self, tau: Vector) -> tuple[Indices, Matrix]:
+        """Return the interval of every tau, shape (taus,), and tau after its begin, (taus, 1)."""
         k = np.minimum((tau / self.step).astype(np.int64), len(self.values) - 1)
-        shift, total = tau - self.step * k, self.values[k, order]
-        share = np.ones(tau.size)
-        for more in range(order + 1, _ORDER):
-            share = share * shift / float(more - order)
-            total = total + share[:, None] * self.values[k, more]
-        return np.asarray(total)
+        return k, (tau - self.step * k)[:, None]
 
     @np.errstate(divide="ignore", invalid="ignore")  # of a function that is nothing
     def zeros(self, mu: Vector, duration: float) -> Vector:
@@ -74,9 +67,15 @@ class ImpulseResponses:
         return np.asarray(tau[tau < duration])
 
 
-def _series(f: Matrix, shift: Vector, order: int = 0) -> Vector:
-    """Return Taylor's series from f and its derivatives, or from those of a higher order."""
-    total, share = f[:, order], np.ones(shift.size)
+def _series(f: Tensor, shift: Matrix, order: int = 0) -> Matrix:
+    """Return Taylor's series from f and its derivatives, or from those of a higher order.
+
+    Args:
+        f: of every place, shape (places, _ORDER, ...).
+        shift: from there, shape (places, ...) [s].
+        order: of the derivative.
+    """
+    total, share = f[:, order], np.ones_like(shift)
     for more in range(order + 1, _ORDER):
         share = share * shift / float(more - order)
         total = total + share * f[:, more]

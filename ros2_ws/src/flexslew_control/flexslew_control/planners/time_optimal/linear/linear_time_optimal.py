@@ -104,15 +104,7 @@ def _least_duration(
     mu: Vector,
     tolerance: float,
 ) -> tuple[float, Vector]:
-    """Return the T at which the least F is 1, and its mu.
-
-    Args:
-        grid: of c.
-        least_at: returns the least F and its mu at a duration, given the mu before.
-        bracket: least duration, the one to start from, the longest [s].
-        mu: to start from, shape (conditions,).
-        tolerance: of T, relative.
-    """
+    """Return the T at which the least F is 1, and its mu."""
     low, duration, high = bracket
     for _ in range(_DURATIONS):
         least, mu = least_at(duration, mu)
@@ -130,12 +122,6 @@ def _linear_solution(
     """Return the least F and its mu where efforts change at the ends of cells of time alone.
 
     The linear program is max over |u| <= 1 of the first row of sum c u, the others held at zero.
-
-    Args:
-        grid: of c.
-        duration: T [s].
-        max_frequency: frequency of a mode [rad/s].
-        goal: what the first row has to reach, by the amplitude.
     """
     cells = int(np.clip(duration * max_frequency / _CELL, *_CELLS))
     reached = np.diff(grid.integral_at(np.linspace(0.0, duration, cells + 1)), axis=0)
@@ -207,14 +193,7 @@ def _separate_rows(conditions: Matrix, grid: ImpulseResponses) -> Matrix:
 def _least(
     grid: ImpulseResponses, mu: Vector, duration: float, scale: Vector
 ) -> tuple[float, Vector]:
-    """Return the least F at this duration and its mu, by Newton's method with its first entry held.
-
-    Args:
-        grid: of c.
-        mu: to start from.
-        duration: T [s].
-        scale: of c, shape (conditions,).
-    """
+    """Return the least F and its mu, the first entry held, by Newton's method."""
     mu = _smoothed(grid, mu, duration, scale)
     value, slope, curvature = _integral(grid, mu, duration, scale)
     for _ in range(_ITERATIONS):

@@ -29,15 +29,9 @@ _START_OFFSET = 0.7  # how far starts are from the eigenaxis, of the amplitude
 _LEVELS = 6  # of their efforts
 _MOST_ARCS = 14  # of a slew with arcs made exact
 _TOLERANCE = 1e-6  # share of the end conditions that may be missed
-_REST_TOLERANCE, _FIXED_REST_TOLERANCE = (
-    1e3 * _TOLERANCE,
-    1e-4,
-)  # the same with modes, which ticks then bring to rest
-_FIRST_RATIO, _STEP_RATIO, _MAX_RATIO = (
-    1.02,
-    2.5,
-    1.5,
-)  # durations that are tried, of the rigid craft's
+# the same with modes, which ticks then bring to rest
+_REST_TOLERANCE, _FIXED_REST_TOLERANCE = 1e3 * _TOLERANCE, 1e-4
+_FIRST_RATIO, _STEP_RATIO, _MAX_RATIO = 1.02, 2.5, 1.5  # durations that are tried, of the rigid's
 _LEAST = 1e-3  # relative width at which the least duration is known
 _FIXED_STEPS = 12  # of programs for a duration
 _CHECKED = 240  # pieces on which Pontryagin's condition is looked at
@@ -107,13 +101,7 @@ def from_starts(
 
 
 def _random_start(slew: Reorientation, rng: np.random.Generator, size: Vector) -> Start:
-    """Return random efforts near those of the eigenaxis.
-
-    Args:
-        slew: the slew.
-        rng: generator of the random part.
-        size: largest random part of each drive, shape (joints,), in parts of _ASIDE.
-    """
+    """Return random efforts near those of the eigenaxis, each by at most a share of its size."""
     half = np.where(np.arange(PIECES) < PIECES // 2, 1.0, -1.0)
     levels = rng.uniform(-1.0, 1.0, (_LEVELS, slew.amplitude.size))
     offset = _START_OFFSET * size * np.repeat(levels, PIECES // _LEVELS, axis=0)
@@ -159,8 +147,7 @@ def minimum_time_with_modes(slew: Reorientation, rigid: MinimumTimeSlew) -> Mini
             raise PlanFailed(
                 f"no fast slew that ends with the modes at rest was found near the rigid craft's "
                 f"({duration:.4f} s), nor one of up to {_MAX_RATIO:g} times that; take drives: "
-                "moving, "
-                "about the eigenaxis"
+                "moving, about the eigenaxis"
             )
         local = extended
     return equal_pieces_slew(slew, local, rigid.found)
@@ -172,11 +159,6 @@ def _extend_duration(slew: Reorientation, shares: Matrix, duration: float) -> Lo
     Where the duration may change, the phases of fast modes bind it to steps of some 0.1 ms, and the
     programs end before it is long enough. With a duration that is held, modes are all but linear
     in the efforts: the least one is bracketed, then halved.
-
-    Args:
-        slew: what is turned.
-        shares: of the amplitude, of the rigid craft's slew over equal pieces, (pieces, joints).
-        duration: of that [s].
     """
     low, high, best = 1.0, _FIRST_RATIO, None
     while best is None:

@@ -196,13 +196,7 @@ class Reorientation:
         return scaled
 
     def _along(self, flight: Pieces, efforts: Matrix, rates: Matrix) -> Along:
-        """Return the excess at the ends of the pieces, the last ones first, and its slopes.
-
-        Args:
-            flight: the flight.
-            efforts: of the pieces, shape (pieces, joints) [N m].
-            rates: state derivatives at their ends, shape (pieces, size).
-        """
+        """Return the excess at the ends of the pieces, the last ones first, and its slopes."""
         pieces, size = len(efforts), self.start.size
         excess = self.limit_excess(flight.states[1:])
         near = excess > -_NEAR

@@ -38,10 +38,8 @@ _CONE_MARGIN = 0.3  # from the edge of a cone that a start goes round [rad]
 _MIN_SHARE = 0.2  # share of the way at which it passes the cone, and as late from the end
 _NONE = 1e-9  # length of a vector without a direction
 _POINTS = 25  # of the way, one of which is nearest to a cone
-_FIRST_MARGIN, _MAX_MARGIN_STEPS = (
-    1e-3,
-    4,
-)  # spare of the path's limits [rad, -], and how often it may grow
+_FIRST_MARGIN = 1e-3  # spare of the path's limits [rad, -]
+_MAX_MARGIN_STEPS = 4  # how often it may grow
 
 
 def require_free_ends(limits: PathLimits, slew: Reorientation) -> None:
@@ -147,11 +145,6 @@ def _past(slew: Reorientation, cone: Cone, side: float) -> Start:
 
     It goes through the attitude of the eigenaxis that is nearest to the cone, turned the least way
     so that the boresight is outside the cone.
-
-    Args:
-        slew: the slew.
-        cone: the cone that it goes past.
-        side: side of the cone, 1 or -1.
     """
     first = slew.attitude.orientation(slew.first)
     shares = np.linspace(_MIN_SHARE, 1.0 - _MIN_SHARE, _POINTS)

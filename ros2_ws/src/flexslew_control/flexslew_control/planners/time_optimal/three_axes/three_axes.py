@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.plan import Plan
+from flexslew_control.planners.held_efforts import least_change
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Slew, plan_on_ticks, tick_times
 from flexslew_control.planners.time_optimal.three_axes.fastest_turns import (
@@ -133,10 +134,8 @@ def _on_ticks(
             if error < _CLOSE:
                 return selected
             slopes = (end.by_effort / slew.scale[:, None, None]).reshape(len(end.missed), -1)
-            slack = np.maximum(slew.amplitude - abs(effort), 0.0).ravel() ** 2
-            weighted = slopes * slack
-            lost = -end.missed / slew.scale
-            change = weighted.T @ np.linalg.lstsq(weighted @ slopes.T, lost, rcond=1e-12)[0]
+            room = (slew.amplitude - abs(effort)).ravel()
+            change = least_change(slopes, room, -end.missed / slew.scale)
             effort = np.clip(effort + change.reshape(effort.shape), -slew.amplitude, slew.amplitude)
     return selected
 
