@@ -4,9 +4,24 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.contract import Motions, Spins
-from flexslew_plant.testbeds.orientation.attitude import conjugate, product, rotation_vector
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
+
+
+def _rotation_vectors(q: Matrix) -> Matrix:
+    """Return quaternions (k, 4) as axis times angle, (k, 3), the shorter way round."""
+    q = q * np.where(q[:, 3:] < 0.0, -1.0, 1.0)
+    size = np.linalg.norm(q[:, :3], axis=1, keepdims=True)
+    angle = 2.0 * np.arctan2(size, q[:, 3:])
+    rotations: Matrix = q[:, :3] * np.where(size > 1e-12, angle / np.maximum(size, 1e-12), 2.0)
+    return rotations
+
+
+def _from_goal(goal: Vector, q: Matrix) -> Matrix:
+    """Return the quaternions from the goal's attitude to q, shape (k, 4)."""
+    v, w = -goal[:3], goal[3]
+    vector = w * q[:, :3] + q[:, 3:] * v + np.cross(v, q[:, :3])
+    return np.hstack((vector, w * q[:, 3:] - q[:, :3] @ v[:, None]))
 
 
 def motions(spacecraft: Spacecraft, position: Matrix, velocity: Matrix, goal: Vector) -> Motions:
@@ -23,9 +38,11 @@ def motions(spacecraft: Spacecraft, position: Matrix, velocity: Matrix, goal: Ve
     hinges = len(spacecraft.hinged)
     place = goal_offset = np.zeros((k, 3))
     if spacecraft.motion == at.FREE:
-        rotation = rotation_vector(position[:, 3:7])
-        attitude = rotation_vector(product(conjugate(goal[3:7]), position[:, 3:7]))
-        place = position[:, :3]
+        rotation = _rotation_vectors(position[:, 3:7])
+        attitude, place = (
+            _rotation_vectors(_from_goal(goal[3:7], position[:, 3:7])),
+            position[:, :3],
+        )
         goal_offset = place - goal[:3]
     elif spacecraft.motion == at.PIVOT:
         rotation = position[:, :1] * spacecraft.pivot_axis
