@@ -16,7 +16,6 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.ros.hidden_listener import HiddenListener
 from flexslew_lab.run.domain import locked_domain
-from flexslew_plant.bench.wire import RecorderProgress, progress_bytes
 from flexslew_plant.direct.inbox import PART, RecorderInput
 from flexslew_plant.direct.line import LARGEST
 from flexslew_plant.direct.names import RECORDER, SETTING, address
@@ -229,29 +228,6 @@ def test_without_direct_lines_all_of_it_goes_over_dds(
     sent = [recorded.publish(tick) for tick in range(50)]
     recorded.until(lambda: len(recorded.log) >= 50)
     assert recorded.log == sent == recorded.over_dds
-
-
-def test_the_progress_of_the_recorder_arrives_on_the_line(recorded: Recorded) -> None:
-    received: list[RecorderProgress] = []
-    recorded.direct_publishers = DirectPublishers(recorded.node, received.append)
-    recorded.offer = recorded.direct_publishers.publisher(TRUTH)
-    alone_with_the_recorder(recorded)
-    sent = [RecorderProgress("recorder", tick, 0, 4 * tick, 17) for tick in range(0, 500, 25)]
-    for progress in sent:
-        assert recorded.inbox.acknowledge("/truth", progress_bytes(progress, 0.0))
-    recorded.until(lambda: len(received) >= len(sent))
-    assert received == sent
-
-
-def test_noise_on_the_line_of_the_recorder_ends_it_and_another_is_taken(recorded: Recorded) -> None:
-    alone_with_the_recorder(recorded)
-    for noise in (b"noise", b"{}", bytes(10_000)):
-        assert recorded.inbox.acknowledge("/truth", noise)
-        recorded.until(lambda: recorded.offer.number < 0)
-        recorded.until(lambda: recorded.offer.number >= 0 and not recorded.offer.shared)
-    sent = recorded.publish(1)
-    recorded.until(lambda: bool(recorded.log))
-    assert recorded.log == [sent]
 
 
 def test_a_recorder_that_comes_again_is_found(recorded: Recorded) -> None:

@@ -11,14 +11,11 @@ from flexslew_control.message_fields import answer_fields, state_bytes
 from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_plant.bench.records import Truth
 from flexslew_plant.bench.wire import (
-    RecorderProgress,
     Stamp,
     command_bytes,
     command_from,
     measurement_bytes,
     measurement_from,
-    progress_bytes,
-    progress_from,
     truth_bytes,
 )
 from flexslew_plant.errors import BadInput
@@ -63,17 +60,6 @@ def test_a_command_is_sent_and_received_also_without_its_last_field(name: str, s
         assert (again[:3], again.instance) == (command[:3], instance)
         assert np.array_equal(again.effort, command.effort)
         assert not again.effort.flags.writeable
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_progress_of_a_recorder_is_sent_and_received(name: str) -> None:
-    progress = RecorderProgress(name, 1234, 5, 2**40, 2**63 - 5)
-    data = progress_bytes(progress, 12.34)
-    assert_carries("RecorderStatus", data, **progress._asdict())
-    assert progress_from(data) == progress
-    for broken in (b"", data[:-1], b"{}", b"noise" * 10):
-        with pytest.raises(BadInput):
-            progress_from(broken)
 
 
 @pytest.mark.parametrize("sizes", [(5, 5, 2, 2, 2), (1, 1, 1, 0, 0), (0, 0, 0, 0, 0)])

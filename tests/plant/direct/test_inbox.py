@@ -60,18 +60,6 @@ def test_parts_come_in_their_order_under_the_recorder_s_names(
     ]  # fmt: skip
 
 
-def test_the_publisher_of_a_topic_alone_receives_a_status(
-    inbox: RecorderInput, place: bytes
-) -> None:
-    assert not inbox.acknowledge("/truth", b"nobody")
-    plant, other = greeted(inbox, place, "/b/truth"), greeted(inbox, place, "/b/events")
-    assert inbox.acknowledge("/truth", b"status")
-    assert (plant.receive(), other.receive()) == (b"status", None)
-    plant.close()
-    assert taken(inbox) == []
-    assert not inbox.acknowledge("/truth", b"gone")
-
-
 def test_what_was_sent_before_the_end_of_a_publisher_is_taken(
     inbox: RecorderInput, place: bytes
 ) -> None:

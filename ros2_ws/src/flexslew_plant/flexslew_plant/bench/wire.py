@@ -14,7 +14,6 @@ from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.message_codec import layout_of, packer
 
 _MEASUREMENT, _COMMAND = "flexslew_msgs/msg/Measurement", "flexslew_msgs/msg/EffortCommand"
-_PROGRESS = "flexslew_msgs/msg/RecorderStatus"
 _FRAME = ""  # of a header
 
 
@@ -79,29 +78,3 @@ def command_from(data: bytes) -> EffortCommand:
             raise
     _, _, tick, epoch, effort, *instance = layout.numbers.unpack_from(data)
     return EffortCommand(tick, epoch, layout.texts[0], np.frombuffer(effort), *instance)
-
-
-class RecorderProgress(NamedTuple):
-    """How far a recorder is; see flexslew_msgs/RecorderStatus."""
-
-    recorder: str
-    tick: int
-    epoch: int
-    messages: int
-    instance: int
-
-
-def progress_bytes(progress: RecorderProgress, time: float) -> bytes:
-    """Return a recorder's progress as it goes over DDS; time: of its last measurement [s]."""
-    return packer(_PROGRESS)(*stamp_of(time), *progress)
-
-
-def progress_from(data: bytes) -> RecorderProgress:
-    """Return a recorder's progress.
-
-    Raises:
-        BadInput: these bytes are none.
-    """
-    layout = layout_of(_PROGRESS, data)
-    _, _, *numbers = layout.numbers.unpack_from(data)
-    return RecorderProgress(layout.texts[0], *numbers)

@@ -59,18 +59,6 @@ class RecorderInput:
             if topic not in self._shared or self._first(topic, data, -1):
                 yield topic, data
 
-    def acknowledge(self, topic: str, status: bytes) -> bool:
-        """Send a status to the publisher of a topic; return whether one is on a line.
-
-        Args:
-            topic: the recorder's name of it.
-            status: flexslew_msgs/RecorderStatus as CDR bytes.
-        """
-        lines = [line for line, names in self._lines.items() if topic in names]
-        for line in lines:
-            line.send(status)
-        return bool(lines)
-
     def _first(self, topic: str, data: bytes, way: int) -> bool:
         """Return whether this is not the other copy of what came before; +1: line, -1: DDS."""
         key = topic, data

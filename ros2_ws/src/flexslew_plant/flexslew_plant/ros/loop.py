@@ -11,7 +11,6 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
-from flexslew_plant.bench.wire import RecorderProgress
 from flexslew_plant.network import require_loopback
 from flexslew_plant.processes.atomic import atomic
 from flexslew_plant.ros.alive import Alive
@@ -91,11 +90,9 @@ class Loop:
         parent = int(os.environ.get(SUPERVISOR, "0"))
         return not rclpy.ok() or bool(parent and os.getppid() != parent)
 
-    def direct_publishers(
-        self, node: Node, on_progress: Callable[[RecorderProgress], None] | None = None
-    ) -> DirectPublishers:
+    def direct_publishers(self, node: Node) -> DirectPublishers:
         """Return outlets of a node of this loop, which serves them with the node."""
-        self._publishers.append(DirectPublishers(node, on_progress))
+        self._publishers.append(DirectPublishers(node))
         return self._publishers[-1]
 
     def future(self) -> Future:

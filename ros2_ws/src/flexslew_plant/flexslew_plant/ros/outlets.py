@@ -1,17 +1,14 @@
 """Publishers that send to the recorder on a direct line and to all other listeners over DDS."""
 
 import os
-from collections.abc import Callable
 from math import inf
 from time import monotonic, sleep
 
 from rclpy.node import Node
 
-from flexslew_plant.bench.wire import RecorderProgress, progress_from
 from flexslew_plant.direct.inbox import DDS_FLAG, NAMESPACE, NODE, PART, RECEIVED, TOPICS, split
 from flexslew_plant.direct.line import LARGEST, DirectLine, call, facts
 from flexslew_plant.direct.names import RECORDER, address, direct
-from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 from flexslew_plant.graph.topics import LOOP_DEPTH
 from flexslew_plant.ros.offers import publisher
@@ -31,13 +28,9 @@ class DirectPublishers:
 
     Args:
         node: node that publishes.
-        on_progress: receives how far the recorder is; None: it is not used.
     """
 
-    def __init__(
-        self, node: Node, on_progress: Callable[[RecorderProgress], None] | None = None
-    ) -> None:
-        self._on_progress = on_progress or (lambda progress: None)
+    def __init__(self, node: Node) -> None:
         self._node, self._direct = node, direct(os.environ)
         measurement_topic = node.resolve_topic_name(topics.MEASUREMENT)
         self._address = address(node.context.get_domain_id(), measurement_topic, RECORDER)
@@ -78,9 +71,9 @@ class DirectPublishers:
         else:
             self.send()
             line.flush()
-            self._receive_progress(line)
             if now >= self._next:
                 self._next = now + _CHECK_PERIOD
+                line.receive()  # which detects that the recorder is gone
                 self._choose()
 
     def turn(self) -> None:
@@ -143,14 +136,6 @@ class DirectPublishers:
         self._recorded = [by_name[str(name)] for name in recorded or ()]
         for number, topic_publisher in enumerate(self._recorded):
             topic_publisher.number = number
-
-    def _receive_progress(self, line: DirectLine) -> None:
-        """Take what the recorder has sent since."""
-        while (data := line.receive()) is not None:
-            try:
-                self._on_progress(progress_from(data))
-            except BadInput:  # no recorder
-                line.close()
 
     def _disconnect(self) -> None:
         """Forget the line: the recorder is gone, or another process answered."""

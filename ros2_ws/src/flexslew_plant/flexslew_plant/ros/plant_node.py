@@ -8,7 +8,7 @@ from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.message_fields import testbed_fields
 from flexslew_plant.bench.operation.run_state import FINISHED
 from flexslew_plant.bench.operation.session import Session
-from flexslew_plant.bench.wire import RecorderProgress, truth_bytes
+from flexslew_plant.bench.wire import truth_bytes
 from flexslew_plant.graph import topics
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.ros.alive import NODE_WAIT_TIME
@@ -42,7 +42,7 @@ class Plant:
     def __init__(self, loop: Loop, local_controller: LocalController | None = None) -> None:
         self.loop = loop
         self.node = node = new_node("plant")
-        self._alive, direct = loop.only(node, "plant"), loop.direct_publishers(node, self._on_log)
+        self._alive, direct = loop.only(node, "plant"), loop.direct_publishers(node)
         self.statuses = StatusMonitor(self._alive.heartbeats, self._on_status)
         self._settings: PlantSettings = settings_of(node, PlantSettings, DYNAMIC_PARAMETERS)
         s, bench = self._settings, Bench(self._settings.bench)
@@ -58,7 +58,7 @@ class Plant:
         self.display = Display(node, direct, bench, self._settings.display_rate)
         self.session.monitored = lambda: self._is_truth_received() or self.display.due(bench.tick)
         subscription(node, topics.CONTROLLER_STATUS, self.statuses.receive)
-        subscription(node, topics.RECORDER_STATUS, self._on_log)
+        subscription(node, topics.RECORDER_STATUS, self._on_recorder)
         required = [self._link.measurements, self._truth]
         self._report = PlantReport(node, self.session, self._alive, s.progress, required)
         self._services = Services(node, self.session, self.statuses, loop, self.display.refresh)
@@ -133,10 +133,10 @@ class Plant:
         self.session.receive(message.controller, message.ready, message.reason, message.instance)
         self.session.node_progress.received(message.controller, message.last_tick, message.epoch)
 
-    def _on_log(self, status: msg.RecorderStatus | RecorderProgress) -> None:
-        if self.session.heartbeats.counts(status.recorder, status.instance, monotonic()):
+    def _on_recorder(self, message: msg.RecorderStatus) -> None:
+        if self.session.heartbeats.counts(message.recorder, message.instance, monotonic()):
             progress = self.session.node_progress
-            progress.received(status.recorder, status.tick, status.epoch, recorder=True)
+            progress.received(message.recorder, message.tick, message.epoch, recorder=True)
         self.loop.hurry()  # the bench may wait for just this
 
 

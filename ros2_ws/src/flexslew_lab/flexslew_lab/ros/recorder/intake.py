@@ -71,10 +71,6 @@ class MessageSource:
                 self._plant_here = now
             yield message
 
-    def acknowledge(self, status: bytes) -> bool:
-        """Send a status, as CDR bytes, to the plant's line; return whether there is one."""
-        return self._inbox is not None and self._inbox.acknowledge(MEASUREMENT_TOPIC, status)
-
     def has_pending(self, now: float, plant_here: bool) -> bool:
         """Return whether nodes that leave after the plant may still send messages."""
         node = self._listener.node

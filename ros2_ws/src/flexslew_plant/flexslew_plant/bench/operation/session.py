@@ -46,9 +46,6 @@ _OWN_CLOCK = Refusal(
 )
 _NEW_INSTANCE = Refusal("it has just come", cause=Cause.NOT_READY)
 _POLL_PERIOD = 0.02  # between two checks for missing nodes [wall s]
-# between two checks of nodes that are held up, and of those that are behind [wall s]: the progress
-# of a recorder comes on its line, which wakes nobody
-_HELD_PERIOD, _BEHIND_PERIOD = 0.005, 0.0005
 
 
 class Session:
@@ -123,8 +120,8 @@ class Session:
         alive = bool(drive.active) and not self.reason(drive.active, now)
         is_final = alive and drive.one_miss_left
         if self.tick_timer.tick_over(now, bench.answered, drive.missing_ticks, is_final):
-            if wait := self._wait_for_others(now):
-                return wait
+            if self._needs_wait(now):
+                return 0.005
             self._advance(now)
         elif not bench.answered and self.tick_timer.check_repeat(now):
             self.outgoing.append(bench.question)
@@ -143,7 +140,7 @@ class Session:
         if not self._counts(command, now):
             return False
         if bench.offer(command) and not self.tick_timer.paced:
-            if self._wait_for_others(now):
+            if self._needs_wait(now):
                 return True
             self._advance(now)
         elif bench.question is not question:  # a refused switch: ask the previous controller
@@ -283,7 +280,7 @@ class Session:
         """Queue a switch; return why it is refused, or None. See Bench.request_switch.
 
         Not paced, a controller that has just fallen silent may be starved of processor time: the
-        bench waits for it when the switch is due, see _wait_for_others.
+        bench waits for it when the switch is due, see _needs_wait.
         """
         if request.controller not in self.reasons:
             known = ", ".join(sorted(self.reasons)) or "none"
@@ -388,8 +385,8 @@ class Session:
         self.bench.finish(self.run.wall_time(now))
         self._flush()
 
-    def _wait_for_others(self, now: float) -> float:
-        """Return how long to wait for a node that is behind or held up [s]; 0: for none.
+    def _needs_wait(self, now: float) -> bool:
+        """Return whether the next question must wait for a node that is behind or held up.
 
         The bench waits for a recorder, with or without a heartbeat: one starved of processor time
         sends none either, and what it has not received is lost if it dies. Paced, the bench waits
@@ -402,20 +399,20 @@ class Session:
         if slow:
             recorders = self.heartbeats.of_role("recorder")
             if any(name in recorders or not self.heartbeats.inactive(name, now) for name in slow):
-                return _BEHIND_PERIOD
+                return True
         bench = self.bench
         if bench.answered and not bench.handover.waiting:  # the usual tick: no takeover
             self._wait_start = None
-            return 0.0
+            return False
         pending = [*bench.handover.due(tick), *self._next_controllers(now)]
         if self.tick_timer.real_time or not any(
             self.heartbeats.inactive(name, now) for name in pending
         ):
             self._wait_start = None
             self._refresh(pending, now)  # what was noted at the last look around may be over
-            return 0.0
+            return False
         self._wait_start = now if self._wait_start is None else self._wait_start
-        return _HELD_PERIOD if now - self._wait_start <= self.node_progress.patience else 0.0
+        return now - self._wait_start <= self.node_progress.patience
 
     def _next_controllers(self, now: float) -> list[str]:
         """Return the next controllers if this tick passes now, without those silent long before."""
