@@ -299,9 +299,6 @@ class Bench:
 
     def truth(self) -> Truth:
         """Return the state at this tick."""
-        appendages = self.appendages
-        is_deflection = appendages.rate is None and appendages.exact_reading is None
-        tip = self._exact.tip_deflection if is_deflection else self.model.deflections(self._x)[0]
         q, v = self.model.split(self._x)
         return Truth(
             self.tick,
@@ -311,7 +308,7 @@ class Bench:
             v,
             self._applied,
             self._extra,
-            read_only(tip),
+            read_only(self.model.deflections(self._x)[0]),
             self.model.energy(self._x, self.time),
         )
 
@@ -551,7 +548,7 @@ class Bench:
             self._injections.begin(self.tick, self.drive.demand, self._applied)
         self.handover.begin(self.tick)
         self._answer, self._lost = None, False
-        self._exact = exact = exact_readings(self.model, self._x, self._total, time)
+        exact = exact_readings(self.model, self._x, self._total, time)
         self._velocity = exact.joint_velocity
         readings = self._sensors.read(exact, self._x)
         if faults.at_work:

@@ -303,13 +303,11 @@ class Model:
     ) -> Vector:
         """Return the state dt after t with the effort held (order 8, `steps` equal steps)."""
         self._require(x, effort)
-        after = np.array(x, np.float64)
-        self.integrate(self.packed, t, effort, dt, steps, self.before_modes, after)
-        return after
+        return self.advance_checked(x, effort, dt, steps, t)
 
     def advance_checked(self, x: Vector, effort: Vector, dt: float, steps: int, t: float) -> Vector:
         """Return what `advance` does, of a state and efforts whose shapes are known to fit."""
-        after = x.copy()
+        after = np.array(x, np.float64)
         self.integrate(self.packed, t, effort, dt, steps, self.before_modes, after)
         return after
 
