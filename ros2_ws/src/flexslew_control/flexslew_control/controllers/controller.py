@@ -98,7 +98,6 @@ class Controller:
         self._attitude = attitude
         self.name, self.joint_names, self.period = name, joint_names, period
         self._estimator, self._law = estimator, law
-        self._has_remarks = hasattr(law, "remarks")  # events of its last update
         # receives the plan's reference, where the estimator uses it
         self._expect: Callable[[Reference], None] | None = getattr(estimator, "expect", None)
         # receives the references to come, where the law uses them
@@ -406,9 +405,8 @@ class Controller:
         if self._preview is not None:
             self._preview(self.reference, measurement.tick)
         effort = self._law.update(measurement, estimate, reference)
-        if self._has_remarks:
-            for what in getattr(self._law, "remarks", ()):
-                self._queue_event(what, measurement)
+        for what in getattr(self._law, "remarks", ()):
+            self._queue_event(what, measurement)
         if takes_over:
             self._handover_tick = measurement.tick
             # at tick 0 there is no predecessor to blend out
