@@ -1,9 +1,12 @@
 """The status of a controller that its node announces: its identity and its readiness."""
 
 from collections.abc import Callable, Sequence
+from math import inf
+from time import monotonic
 from typing import Any
 
 from flexslew_msgs import msg
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
@@ -20,6 +23,7 @@ from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import publisher
 
 _STATUS_PERIOD = 100  # ticks between two statuses
+_ACKNOWLEDGE_TIMEOUT = 5.0  # for a listener that takes nothing [wall s]
 
 
 class StatusPublisher:
@@ -32,8 +36,7 @@ class StatusPublisher:
         alive: heartbeats, to detect other nodes of its name.
         publishers: publishers of the commands, then of the states, which must have listeners.
         subscription: returns the subscription to the plant's questions; None: they and the answers
-            take
-            another way.
+            take another way.
         listeners: nodes that must receive what is sent, in addition to the plant.
     """
 
@@ -54,6 +57,7 @@ class StatusPublisher:
         self.has_status = False
         self.reason: Refusal | None = None  # as announced
         self._is_connected = False
+        self._acknowledge_until = inf  # then the status counts as received [wall s]
         self._settings, self._pending = "", host.due
         self._tick = 0  # of the last status
 
@@ -116,6 +120,24 @@ class StatusPublisher:
         # a publisher there that is not a plant, as a bag that is played, takes no answers
         plant = plant & set(self._alive.heartbeats.of_role("plant")) or plant
         missing = missing_listeners(self._node, self._publishers[:1], [*plant, *self._listeners])
-        missing += missing_listeners(self._node, self._publishers[1:], self._listeners)
+        others = [*self._publishers[1:], self._status]
+        missing += missing_listeners(self._node, others, self._listeners)
+        if not missing and self._listeners and not self._is_acknowledged():
+            missing = [f"a subscriber of {self._status.topic_name}"]
         self._is_connected = bool(plant or subscription is None) and not missing
+        if self._is_connected:
+            self._acknowledge_until = inf
         return [] if self._is_connected else sorted(set(missing)) or ["a plant"]
+
+    def _is_acknowledged(self) -> bool:
+        """Return whether the listeners have acknowledged the status.
+
+        A publisher knows a listener before the listener knows the publisher, on a busy machine
+        long before: what a process sends meanwhile is lost if it is killed. Fast DDS announces the
+        publishers of a process in the order in which they were made, and that of the status is
+        the last one: whoever acknowledges a status receives the answers, too.
+        """
+        now = monotonic()
+        self._acknowledge_until = min(self._acknowledge_until, now + _ACKNOWLEDGE_TIMEOUT)
+        acknowledged = self.has_status and self._status.wait_for_all_acked(Duration())
+        return acknowledged or now >= self._acknowledge_until

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 from flexslew_msgs import msg
 from rclpy.node import Node
-from rclpy.task import Future
 
 from flexslew_control.active_laws import ActiveLaws
 from flexslew_control.plans.planned_course import PATIENCE, PlanResponse, PlanResponses
@@ -15,6 +14,7 @@ from flexslew_plant.bench.operation.presence import Heartbeats
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import PlanRejected, fact_of
 from flexslew_plant.graph import topics
+from flexslew_plant.ros.coroutines import PendingResult
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.offers import subscription
 from flexslew_plant.ros.statuses import StatusMonitor
@@ -25,7 +25,7 @@ class _Pending(NamedTuple):
 
     digest: str
     deadline: float  # [wall s]
-    future: Future
+    future: PendingResult
 
 
 class ControllerResponses:
@@ -68,7 +68,7 @@ class ControllerResponses:
         now, known = monotonic(), self._responses.controller_names
         return self._responses.of(digest, [n for n in known if self._presence.inactive(n, now)])
 
-    def response_future(self, digest: str) -> Future:
+    def response_future(self, digest: str) -> PendingResult:
         """Return a future of the controllers' answers to the plan with this hash."""
         future = self._loop.future()
         self._pending.append(_Pending(digest, monotonic() + PATIENCE, future))

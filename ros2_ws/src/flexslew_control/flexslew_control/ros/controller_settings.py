@@ -10,6 +10,6 @@ class ControllerNodeSettings:
 
     law: str = DEFAULT  # a key of CONTROLLERS, or package.module.Class of your own
     requires_plan: bool = False  # not ready without a plan
-    wait_for: tuple[str, ...] = ()  # nodes that must listen to its answers before it is ready
+    wait_for: tuple[str, ...] = ()  # nodes that must receive all it publishes before it is ready
     exit_with_plant: bool = False  # end the process when the plant is gone
     trust: tuple[str, ...] = ()  # classes of your own that testbed and requests may name

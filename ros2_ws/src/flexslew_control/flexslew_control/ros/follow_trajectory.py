@@ -9,11 +9,10 @@ from functools import partial
 from importlib.util import find_spec
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse
+from rclpy.action import CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectoryPoint
 
@@ -25,6 +24,7 @@ from flexslew_control.ros.trajectories import trajectory_section
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 from flexslew_plant.refusal import Cause, Refusal
+from flexslew_plant.ros.coroutines import CoroutineActionServer, PendingResult
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import seconds_of, stamp
 from flexslew_plant.ros.offers import subscription
@@ -50,7 +50,7 @@ class FollowTrajectory:
         self._kind: Any = FollowJointTrajectory
         self._node, self._loop, self._job, self._release = node, loop, job, release
         self._active: dict[bytes, _Flight] = {}  # by the goal's number
-        self._server = ActionServer(
+        self._server = CoroutineActionServer(
             node,
             FollowJointTrajectory,
             topics.FOLLOW_JOINT_TRAJECTORY,
@@ -216,7 +216,7 @@ class _Flight:
     """
 
     def __init__(
-        self, tracking: Tracking, epoch: int, end: Future, replaced: Callable[[float], bool]
+        self, tracking: Tracking, epoch: int, end: PendingResult, replaced: Callable[[float], bool]
     ) -> None:
         self._tracking, self._epoch, self.ended = tracking, epoch, end
         self._replaced = replaced

@@ -4,10 +4,9 @@ from collections.abc import Callable
 from functools import partial
 
 from flexslew_msgs import action, msg
-from rclpy.action import ActionServer, CancelResponse
+from rclpy.action import CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
-from rclpy.task import Future
 
 from flexslew_control.plan import Plan
 from flexslew_control.plan_service.job import BUSY, Client, Outcome, PlanJob
@@ -16,6 +15,7 @@ from flexslew_control.ros.motion_watch import MotionWatch
 from flexslew_control.ros.plan_release import NodePlanRelease
 from flexslew_control.ros.plan_result import plan_result
 from flexslew_plant.graph import topics
+from flexslew_plant.ros.coroutines import CoroutineActionServer
 from flexslew_plant.ros.loop import Loop
 
 
@@ -32,7 +32,7 @@ class PlanActions:
     def __init__(self, node: Node, loop: Loop, job: PlanJob, release: NodePlanRelease) -> None:
         self._node, self._loop, self._job, self._release = node, loop, job, release
         self._servers = [
-            ActionServer(
+            CoroutineActionServer(
                 node,
                 action.PlanSlew,
                 name,
@@ -72,7 +72,7 @@ class PlanActions:
             return BUSY
         flight = self._release.flight
         watch = None if flight is None else MotionWatch(self._node, self._release.before)
-        done: Future = self._loop.future()
+        done = self._loop.future()
         self._job.ask(
             partial(requests.request, request.request, request.period, request.effort_limit),
             done.set_result,

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from math import inf
 from pathlib import Path
 from time import monotonic
 
@@ -34,7 +35,7 @@ from flexslew_plant.ros.parameters import handle_changes, new_node, settings_of
 
 _TAKE_EVERY = 0.005  # [wall s]
 _BUSY, _BUSY_EVERY = 20, 0.002  # messages at once: the plant flies fast, and waits for the log
-_ENDING = 3.0  # of a plant that is interrupted together with the recorder [wall s]
+_ENDING = 3.0  # of nodes that are interrupted together with the recorder [wall s]
 
 _NOT_PLANT = "its sender is not the plant of this bench"
 
@@ -55,7 +56,7 @@ class Recorder:
         self._rebroadcast = Rebroadcast(node)
         self._order, self._warned = RecordingOrder(node.get_namespace()), set[str]()  # of topics
         self._last_status = self._recording.safe
-        self._exit_time: float | None = None  # interrupted: when to leave at the latest [wall s]
+        self._exit_time = inf  # interrupted: when to leave at the latest [wall s]
         self._next_check = 0.0  # for the plant [wall s]
         self._source = MessageSource(node, loop)
         self._status_filter = StatusFilter(self._alive.heartbeats)
@@ -72,15 +73,14 @@ class Recorder:
             self._lost_nodes.poll(now)  # else it waits for them, where there is no plant to see it
             more_expected = self._source.has_pending(now, self._watch.plant_present)
             self._watch.look(3 if self._recording.stopped else 0, more_expected)
+            if self._exit_time < inf and (now >= self._exit_time or not more_expected):
+                self.loop.stop(130)
             self._next_check = now + 0.2
-        exit_time = self._exit_time
-        if exit_time is not None and (now >= exit_time or not self._watch.plant_present):
-            self.loop.stop(130)
         return _BUSY_EVERY if self._take() > _BUSY else _TAKE_EVERY
 
     def interrupted(self) -> bool:
-        """Return whether to stay: an interrupted plant still sends its last messages."""
-        if self._exit_time is not None or not self._watch.plant_present:
+        """Return whether to stay: an interrupted bench still sends its last messages."""
+        if self._exit_time < inf or not self._watch.plant_present:
             return False
         self._exit_time = monotonic() + _ENDING
         return True

@@ -35,6 +35,7 @@ from flexslew_plant.events import (
     StateLost,
     TargetRequested,
     event_of,
+    is_reported,
     message_of,
 )
 from flexslew_plant.events.run import RejectionReason
@@ -584,7 +585,7 @@ class Bench:
     def _reject(self, command: EffortCommand, reason: RejectionReason, words: str) -> None:
         self.drive.rejected[reason] += 1
         count = self.drive.rejected[reason]
-        if count & (count - 1) == 0:  # the 1st, 2nd, 4th, 8th, ...: a flood stays readable
+        if is_reported(count):
             self.tell(CommandRejected(reason, count, command.controller, words))
 
     def finish(self, wall_time: float) -> None:

@@ -24,6 +24,7 @@ from flexslew_plant.events.event import Level as Level
 from flexslew_plant.events.event import Other as Other
 from flexslew_plant.events.event import checked, kinds
 from flexslew_plant.events.event import event_of as event_of
+from flexslew_plant.events.event import is_reported as is_reported
 from flexslew_plant.events.event import kind_of as kind_of
 from flexslew_plant.events.event import level_of as level_of
 from flexslew_plant.events.event import message_of as message_of

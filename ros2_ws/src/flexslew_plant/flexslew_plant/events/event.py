@@ -165,6 +165,14 @@ class Other:
     content: dict[str, Any]
 
 
+def is_reported(count: int) -> bool:
+    """Return whether the event of this number, of many alike, is one to show to people.
+
+    The 1st, 2nd, 4th, 8th, ...: a flood stays readable, and fills no pipe.
+    """
+    return count & (count - 1) == 0
+
+
 def event_of(what: Fact, tick: int, time: float, epoch: int, source: str) -> Event:
     """Return a fact as the event of a tick; texts that no log could hold are cut.
 

@@ -2,7 +2,7 @@
 
 from rclpy.node import Node
 
-from flexslew_plant.events import Event, Level
+from flexslew_plant.events import AnswerMissing, Event, Level, is_reported
 from flexslew_plant.graph import topics
 from flexslew_plant.refusal import one_line
 from flexslew_plant.ros.messages import event_message
@@ -28,8 +28,10 @@ class EventLog:
         self._publisher, self._logger = event_publisher, node.get_logger()
 
     def tell(self, event: Event) -> None:
-        """Publish and log an event."""
+        """Publish an event, and log it; of many missed ticks in a row the log has a few."""
         self._publisher.keep(event_message(event))
+        if isinstance(event.what, AnswerMissing) and not is_reported(event.what.in_a_row):
+            return
         words = one_line(f"t = {event.time:.2f} s: {event.message}")  # operators may write any
         # rclpy ties a severity to the line of the call
         if event.level == Level.INFO:

@@ -9,11 +9,11 @@ from time import monotonic
 import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
-from rclpy.task import Future
 
 from flexslew_plant.network import require_loopback
 from flexslew_plant.processes.atomic import atomic
 from flexslew_plant.ros.alive import Alive
+from flexslew_plant.ros.coroutines import PendingResult
 from flexslew_plant.ros.dead_nodes import take_off_graph
 from flexslew_plant.ros.departure import wait_for_listeners
 from flexslew_plant.ros.outlets import DirectPublishers
@@ -95,9 +95,9 @@ class Loop:
         self._publishers.append(DirectPublishers(node))
         return self._publishers[-1]
 
-    def future(self) -> Future:
+    def future(self) -> PendingResult:
         """Return a future that a coroutine of this loop may await."""
-        return self._executor.create_future()
+        return PendingResult(executor=self._executor)
 
     def own(self, node: Node) -> None:
         """Take a node that is not served; it leaves with the others."""

@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
+from inspect import iscoroutine
 from typing import Any
 
 from rclpy.node import Node
@@ -12,6 +13,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.subscription import Subscription
 
 from flexslew_plant.graph.topics import TOPICS, Topic
+from flexslew_plant.ros.coroutines import start
 
 _SEND_ATTEMPTS = 10  # of an answer, 0.1 s each
 LISTENER_DEPTH = (
@@ -76,8 +78,15 @@ def service(node: Node, kind: Any, name: str, answer: Callable[[Any, Any], Any])
     A client may find the server before the server finds it, on a busy machine long before: Fast
     DDS waits 0.1 s for the listener of the answer, rclpy warns, and the answer is lost. It is sent
     again.
+
+    Args:
+        node: that offers it.
+        kind: type of the service.
+        name: of the service.
+        answer: takes request and reply, returns the reply; or a coroutine, see coroutines.start.
     """
-    made = node.create_service(kind, name, answer)
+    # in a tuple a coroutine comes to send_response, and not to the executor
+    made = node.create_service(kind, name, lambda request, reply: (answer(request, reply),))
     send = made.send_response
 
     def send_with_retries(response: Any, header: Any) -> None:
@@ -89,4 +98,11 @@ def service(node: Node, kind: Any, name: str, answer: Callable[[Any, Any], Any])
                 return
         send(response, header)
 
-    made.send_response = send_with_retries
+    def send_when_ready(answered: tuple[Any], header: Any) -> None:
+        (response,) = answered
+        if iscoroutine(response):
+            start(response, lambda reply: send_with_retries(reply, header))
+        else:
+            send_with_retries(response, header)
+
+    made.send_response = send_when_ready

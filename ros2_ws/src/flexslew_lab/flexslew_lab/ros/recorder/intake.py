@@ -72,10 +72,11 @@ class MessageSource:
             yield message
 
     def has_pending(self, now: float, plant_here: bool) -> bool:
-        """Return whether nodes that leave after the plant may still send messages."""
+        """Return whether the plant, or nodes that leave after it, may still send messages."""
         node = self._listener.node
         if plant_here:
             self._plant_here = now
+            return True
         until = min(self._last_received + _SILENCE, self._plant_here + _MAX_WAIT)
         active = (has_publisher(node, self.subscriptions[topic]) for topic in _AFTER_PLANT)
         return now < until and any(active)

@@ -8,7 +8,6 @@ from typing import Any
 from flexslew_msgs import msg, srv
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from flexslew_plant.bench.operation.requests import Requests
@@ -17,6 +16,7 @@ from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 from flexslew_plant.refusal import Reply
+from flexslew_plant.ros.coroutines import PendingResult
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import seconds_of, stamp
 from flexslew_plant.ros.offers import publisher
@@ -59,7 +59,7 @@ class Services:
         # those that a fault may silence have ever sent a status
         self._requests = Requests(session, lambda: status_monitor.counted)
         self._simulation = simulation_services(node, session, loop, self._started)
-        self._starts: list[tuple[float, Future]] = []  # deadlines [wall s] of waiting clients
+        self._starts = list[tuple[float, PendingResult]]()  # clients, with deadlines [wall s]
         for name, act in self._requests.actions.items():
             answer = self._on_start if name == topics.START else self._trigger(act)
             self._add_service(Trigger, name, answer)

@@ -8,15 +8,15 @@ from importlib.util import find_spec
 from time import monotonic
 from typing import Any, NamedTuple
 
-from rclpy.action import ActionServer, CancelResponse
+from rclpy.action import CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
-from rclpy.task import Future
 
 from flexslew_plant.bench.operation.run_state import FINISHED, PAUSED
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.graph import topics
 from flexslew_plant.refusal import Reply
+from flexslew_plant.ros.coroutines import CoroutineActionServer, PendingResult
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.plant.requests import add_service
 
@@ -36,7 +36,7 @@ class _Steps(NamedTuple):
     ticks: int
     epoch: int
     goal: ServerGoalHandle | None  # that receives how many are left; None: a service
-    done: Future
+    done: PendingResult
 
 
 class SimulationServices:
@@ -70,7 +70,7 @@ class SimulationServices:
             (srv.StepSimulation, topics.STEP_SIMULATION, self._on_step),
         ):
             add_service(node, loop, kind, name, answer)
-        self._server = ActionServer(
+        self._server = CoroutineActionServer(
             node,
             action.SimulateSteps,
             topics.SIMULATE_STEPS,

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 from flexslew_msgs import srv
 from rclpy.node import Node
-from rclpy.task import Future
 
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.records import SwitchRequest, SwitchResult
 from flexslew_plant.graph import topics
+from flexslew_plant.ros.coroutines import PendingResult
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import doubles, seconds_of
 from flexslew_plant.ros.plant.requests import add_service
@@ -21,7 +21,7 @@ class _Pending(NamedTuple):
 
     request: SwitchRequest
     deadline: float  # [wall s]
-    future: Future
+    future: PendingResult
 
 
 class SwitchService:
