@@ -20,11 +20,16 @@ def test_an_answer_to_a_client_that_was_not_discovered_yet_is_sent_again(
         if len(sendings) <= lost:
             warnings.warn("failed to send response (timeout)", RuntimeWarning, stacklevel=1)
 
-    made = SimpleNamespace(send_response=send)
-    node: Any = SimpleNamespace(create_service=lambda *given: made)
+    made, offered = SimpleNamespace(send_response=send), list[Any]()
+
+    def create(kind: Any, name: str, answer: Any) -> Any:
+        offered.append(answer)
+        return made
+
+    node: Any = SimpleNamespace(create_service=create)
     service(node, None, "step", lambda request, response: response)
     with warnings.catch_warnings(record=True) as shown:
         warnings.simplefilter("always")
-        made.send_response("done", 7)
+        made.send_response(offered[0](None, "done"), 7)  # as an executor does
     assert sendings == [("done", 7)] * sent
     assert len(shown) == told

@@ -51,9 +51,19 @@ def test_every_question_has_its_full_period_however_late_it_was_asked() -> None:
     assert pacing.tick_over(100.0141, False, 0)
 
 
+def test_an_answered_tick_is_slept_through_however_long_it_is() -> None:
+    """Its question is repeated no more: a plant that looked for that would take a processor."""
+    pacing = paced(0.01)  # a tick takes a second
+    assert pacing.wait(100.0, False) == pytest.approx(REPEAT_AFTER)
+    for now in (100.0, 100.05, 100.2, 100.7):
+        assert pacing.wait(now, True) == pytest.approx(101.0 - now)
+    assert pacing.check_repeat(100.7)
+    assert pacing.wait(100.7, False) == pytest.approx(REPEAT_AFTER)
+
+
 def test_a_stall_of_the_plant_counts_against_nobody() -> None:
     pacing = paced()
-    wait = pacing.wait(100.001)
+    wait = pacing.wait(100.001, False)
     assert pacing.look(100.001 + wait + 3.0) == pytest.approx(3.0)
     assert not pacing.tick_over(103.0049, False, 0)
     assert pacing.tick_over(103.0051, False, 0)
@@ -61,7 +71,7 @@ def test_a_stall_of_the_plant_counts_against_nobody() -> None:
 
 def test_a_stall_as_fast_as_it_goes_is_no_silence() -> None:
     pacing = fast()
-    pacing.wait(100.0)
+    pacing.wait(100.0, False)
     pacing.look(110.0)
     assert not pacing.tick_over(110.0, False, 0)
     assert pacing.tick_over(112.0, False, 0)
@@ -112,11 +122,11 @@ def test_a_question_is_repeated_at_its_interval() -> None:
 
 @pytest.mark.parametrize("pacing", [paced(), fast()])
 def test_the_wait_ends_when_something_is_due(pacing: Any) -> None:
-    wait = pacing.wait(100.001)
+    wait = pacing.wait(100.001, False)
     assert 0.0 < wait <= REPEAT_AFTER
     later = 100.001 + wait + 1e-9
     assert pacing.tick_over(later, False, 0) or pacing.check_repeat(later)
-    assert pacing.wait(1000.0) == 0.0
+    assert pacing.wait(1000.0, False) == 0.0
 
 
 def test_after_tick_0_an_answer_to_a_plant_with_its_own_clock_is_due_in_a_period() -> None:
@@ -129,7 +139,7 @@ def test_after_tick_0_an_answer_to_a_plant_with_its_own_clock_is_due_in_a_period
     for missing in (0, 1):
         assert not pacing.tick_over(103.009, False, missing)
         assert pacing.tick_over(103.011, False, missing)
-    assert pacing.wait(103.002) == pytest.approx(0.008)
+    assert pacing.wait(103.002, False) == pytest.approx(0.008)
     pacing.start(104.0)
     assert not pacing.tick_over(105.99, False, 0)
 
@@ -159,6 +169,6 @@ def test_no_rounding_keeps_an_unanswered_tick_from_its_end(
             pacing.look(now)
             if pacing.tick_over(now, False, 0):
                 break
-            now += pacing.wait(now) + case.uniform(1e-6, 1e-4)
+            now += pacing.wait(now, False) + case.uniform(1e-6, 1e-4)
         else:
             raise AssertionError(f"no end at {now}")

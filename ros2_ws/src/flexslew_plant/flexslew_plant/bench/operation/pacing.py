@@ -119,10 +119,12 @@ class TickTimer:
         self._start += delay
         return delay
 
-    def wait(self, now: float) -> float:
+    def wait(self, now: float, has_answer: bool) -> float:
         """Return the wall seconds until one of the above can change by itself."""
         over = self._deadline if now < self._deadline else self._question_time + self._allowed
-        self._next_check = max(now, min(over, self._repeat, self._question_time + self._patience))
+        if not has_answer:
+            over = min(over, self._repeat, self._question_time + self._patience)
+        self._next_check = max(now, over)
         return self._next_check - now
 
     @property

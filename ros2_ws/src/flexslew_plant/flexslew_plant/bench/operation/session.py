@@ -128,7 +128,7 @@ class Session:
         self._flush()
         if bench.answered and not self.tick_timer.paced:
             return 0.0
-        return self.tick_timer.wait(now)
+        return self.tick_timer.wait(now, bench.answered)
 
     def take(self, command: EffortCommand, now: float) -> bool:
         """Take an answer; return whether `poll` is due at once."""
