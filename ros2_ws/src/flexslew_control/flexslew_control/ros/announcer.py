@@ -1,19 +1,17 @@
 """The status of a controller that its node announces: its identity and its readiness."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import inf
 from time import monotonic
-from typing import Any
 
 from flexslew_msgs import msg
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.publisher import Publisher
-from rclpy.subscription import Subscription
 
 from flexslew_control.controllers import settings_text
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.message_fields import status_fields
+from flexslew_control.ros.answering import AnswerServer
 from flexslew_control.ros.turn import INACTIVE
 from flexslew_plant.graph import topics
 from flexslew_plant.refusal import Cause, Refusal
@@ -34,9 +32,7 @@ class StatusPublisher:
         host: host of the controller.
         law: name of its law.
         alive: heartbeats, to detect other nodes of its name.
-        publishers: publishers of the commands, then of the states, which must have listeners.
-        subscription: returns the subscription to the plant's questions; None: they and the answers
-            take another way.
+        answering: publishes the commands and states, which must have listeners.
         listeners: nodes that must receive what is sent, in addition to the plant.
     """
 
@@ -46,12 +42,11 @@ class StatusPublisher:
         host: ControllerHost,
         law: str,
         alive: Alive,
-        publishers: Sequence["Publisher[Any]"],
-        subscription: "Callable[[], Subscription[Any] | None]",
+        answering: AnswerServer,
         listeners: Sequence[str],
     ) -> None:
         self._node, self._host, self._law, self._alive = node, host, law, alive
-        self._publishers, self._subscription, self._listeners = publishers, subscription, listeners
+        self._answering, self._listeners = answering, listeners
         self._status = publisher(node, topics.CONTROLLER_STATUS)
         self.previous: Refusal | None = None  # why this one is silent for another one of its name
         self.has_status = False
@@ -115,13 +110,13 @@ class StatusPublisher:
         """Return the nodes that must receive its messages, and do not yet."""
         if self._is_connected:
             return []
-        subscription = self._subscription()
+        subscription = self._answering.received  # None: questions come another way
         plant = publishers_of(self._node, subscription) if subscription else set()
         # a publisher there that is not a plant, as a bag that is played, takes no answers
         plant = plant & set(self._alive.heartbeats.of_role("plant")) or plant
-        missing = missing_listeners(self._node, self._publishers[:1], [*plant, *self._listeners])
-        others = [*self._publishers[1:], self._status]
-        missing += missing_listeners(self._node, others, self._listeners)
+        commands, states = (channel.publisher for channel in self._answering.publishers)
+        missing = missing_listeners(self._node, [commands], [*plant, *self._listeners])
+        missing += missing_listeners(self._node, [states, self._status], self._listeners)
         if not missing and self._listeners and not self._is_acknowledged():
             missing = [f"a subscriber of {self._status.topic_name}"]
         self._is_connected = bool(plant or subscription is None) and not missing

@@ -43,8 +43,9 @@ class ControllerNode:
     def __init__(self, law: str, loop: Loop, by_call: bool = False) -> None:
         self.node = node = new_node(law)
         given = parameters_of(node)
-        names = ControllerNodeSettings.__annotations__
-        node_values = {k: given.pop(k) for k in names if k in given}
+        node_values = {
+            k: given.pop(k) for k in ControllerNodeSettings.__annotations__ if k in given
+        }
         self._settings = declared(node, ControllerNodeSettings, {"law": law, **node_values})
         self._alive = wait_until_unique(loop, node, self._settings.exit_with_plant)
         given = with_file(self._settings.law, given, f"node {node.get_name()}")
@@ -58,10 +59,8 @@ class ControllerNode:
             node, outlets, loop, self._host, self._observed, instance, by_call
         )
         s = self._settings
-        publishers = [channel.publisher for channel in self.answering.publishers]
-        self._status = StatusPublisher(
-            node, self._host, s.law, self._alive, publishers, lambda: answering.received, s.wait_for
-        )
+        self._status = StatusPublisher(node, self._host, s.law, self._alive, answering, s.wait_for)
+        answering.missing_listeners = self._status.missing_listeners
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
         self._watch = PlantWatch(loop, node, testbed, self._alive.heartbeats, s.exit_with_plant)
         subscription(node, topics.PLAN, self._on_plan)
