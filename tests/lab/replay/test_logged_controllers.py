@@ -101,3 +101,26 @@ def test_one_that_names_a_plan_before_the_log_holds_it_follows_those_before_it_t
     last = [found for found in plan_changes(bag) if found.first == CAME][-1]
     assert [plan_hash(told.plan) for told in last.told] == [plan_hash(SECOND), plan_hash(later)]
     assert [told.of_flight for told in last.told] == [False, True]
+
+
+@pytest.mark.parametrize("late", range(5))
+def test_a_newcomer_with_statuses_behind_its_first_question_follows_its_plan_from_there_on(
+    late: int,
+) -> None:
+    """They wait while its predecessor counts as alive; the question does not."""
+    began = event_of(EstimateStarted("pd", True), CAME[1], 0.14, CAME[0], "pd")
+    topic, kind, fields = status(SECOND, 1, CAME[0])
+    own = {"instance": 2, "plan_epoch": CAME[0]}
+    told = [
+        (topic, kind, {"controller": "pd", "instance": 2}),  # no testbed yet
+        (topic, kind, {"controller": "pd", "instance": 2}),  # no plan yet
+        (topic, kind, fields | own),
+        (topic, kind, fields | own | {"last_tick": CAME[1]}),
+    ]
+    told.insert(late, ("/events", "flexslew_msgs/msg/Event", event_fields(began)))
+    third = (topic, kind, {"controller": "pd", "instance": 3})
+    before = status(FIRST, 1, CAME[0], 3)
+    for log_end in ([], [third]):
+        bag = log((topic, kind, before[2] | {"instance": 1}), *told, *log_end)
+        found = [each for each in plan_changes(bag) if each.first == CAME]
+        assert [plan_hash(each.told[-1].plan) for each in found] == [plan_hash(SECOND)]

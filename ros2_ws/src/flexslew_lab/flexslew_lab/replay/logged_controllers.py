@@ -240,77 +240,129 @@ def plan_changes(bag: BagReader) -> list[PlanChange]:
     Raises:
         BadInput: if a controller reports a plan that is not in the log.
     """
-    source = str(bag.path)
-    plan_by_hash = {p.hash: PlanMessage(*received_plan(p, source)) for p in bag.overview.plans}
-    plan_messages: list[tuple[str, PlanMessage]] = []
-    active_plan: dict[str, tuple[str, int]] = {}
-    starts: dict[str, Key] = {}
-    seen: dict[str, Key] = {}  # newest question
-    instances: dict[str, set[int]] = {}  # processes of each name
-    pending_instance: dict[
-        str, int
-    ] = {}  # that came in place of another one and has no question yet
-    restart_sequence: dict[str, tuple[PlanMessage, ...]] = {}
-    default_change: dict[str, PlanChange] = {}  # plan of its predecessor, until it reports its own
-    found = []
+    changes = _PlanChanges(bag)
     for topic, kind, _, _, data in bag.messages(("/controller_status", "/events", "/plan")):
-        status = decode(kind, data)
+        message = decode(kind, data)
         if topic == "/plan":
-            plan_messages.append(
-                (status.hash, PlanMessage(plan_by_hash[status.hash].plan, in_flight(status)))
-            )
-            continue
-        if topic == "/events":
-            event = logged_event(status, source)
-            what, key = event.what, (event.epoch, event.tick)
-            if isinstance(what, EstimateStarted) and what.fresh:
-                name = what.controller
-                starts[name] = key
-                pending_instance.pop(name, None)
-                if recorded := restart_sequence.pop(name, ()):
-                    found.append(PlanChange(name, key, recorded))
-                elif recorded := _plan_sequence(plan_messages, active_plan.get(name, ("", 0))[0]):
-                    default_change[name] = PlanChange(name, key, recorded)
-                    found.append(default_change[name])
-            continue
+            changes.take_plan(message)
+        elif topic == "/events":
+            changes.take_event(message)
+        else:
+            changes.take_status(message)
+    for name in list(changes.begun):
+        changes.begin(name)
+    return sorted(changes.found, key=lambda change: change.first)
+
+
+class _PlanChanges:
+    """Follows plans, events and statuses of a log in their order.
+
+    Attributes:
+        found: the changes, in any order.
+        begun: first questions of newcomers. The statuses that they published before may stand
+            behind these in the log, as long as their predecessors counted as alive.
+    """
+
+    def __init__(self, bag: BagReader) -> None:
+        self._source, self._path = str(bag.path), bag.path
+        self._plan_by_hash = {
+            p.hash: PlanMessage(*received_plan(p, self._source)) for p in bag.overview.plans
+        }
+        self._plan_messages: list[tuple[str, PlanMessage]] = []
+        self._active_plan: dict[str, tuple[str, int]] = {}
+        self._starts: dict[str, Key] = {}
+        self._seen: dict[str, Key] = {}  # newest question
+        self._instances: dict[str, set[int]] = {}  # processes of each name
+        # that came in place of another one and has no question yet
+        self._pending_instance: dict[str, int] = {}
+        self._restart_sequence: dict[str, tuple[PlanMessage, ...]] = {}
+        # plan of its predecessor, until it reports its own
+        self._default_change: dict[str, PlanChange] = {}
+        self.found: list[PlanChange] = []
+        self.begun: dict[str, Key] = {}
+
+    def take_plan(self, message: Any) -> None:
+        """Take a plan that was published."""
+        plan = self._plan_by_hash[message.hash].plan
+        self._plan_messages.append((message.hash, PlanMessage(plan, in_flight(message))))
+
+    def take_event(self, message: Any) -> None:
+        """Take an event."""
+        event = logged_event(message, self._source)
+        if isinstance(event.what, EstimateStarted) and event.what.fresh:
+            name = event.what.controller
+            if name in self.begun:
+                self.begin(name)
+            self.begun[name] = self._starts[name] = event.epoch, event.tick
+
+    def begin(self, name: str) -> None:
+        """Add the plan with which a newcomer begins: all that it published before is known."""
+        key = self.begun.pop(name)
+        self._pending_instance.pop(name, None)
+        if recorded := self._restart_sequence.pop(name, ()):
+            self.found.append(PlanChange(name, key, recorded))
+            return
+        active, _ = self._active_plan.get(name, ("", 0))
+        if recorded := _plan_sequence(self._plan_messages, active):
+            self._default_change[name] = PlanChange(name, key, recorded)
+            self.found.append(self._default_change[name])
+
+    def take_status(self, status: Any) -> None:
+        """Take a status of a controller."""
         name, requested = status.controller, status.plan_hash
         instance = getattr(status, "instance", 0)  # which older logs do not have
-        if instance not in instances.setdefault(name, {instance}):
-            instances[name].add(instance)
-            pending_instance[name] = instance
         at = int(status.epoch), int(status.last_tick)
-        before = seen.get(name, at)
-        seen[name] = max(before, at)
-        if name in default_change and at >= default_change[name].first:
-            _drop_if_unused(status, default_change.pop(name), found)
+        is_known = instance in self._instances.setdefault(name, {instance})
+        if name in self.begun and (
+            at >= self.begun[name] or (not is_known and name in self._pending_instance)
+        ):
+            self.begin(name)
+        if not is_known:
+            self._instances[name].add(instance)
+            self._pending_instance[name] = instance
+        before = self._seen.get(name, at)
+        self._seen[name] = max(before, at)
+        default = self._default_change.get(name)
+        if default is not None and at >= default.first:
+            del self._default_change[name]
+            if not (requested or status.plan_number):  # a newcomer that has received no plan
+                self.found.remove(default)
         if not requested:
-            active_plan.pop(name, None)
-            continue
-        if active_plan.get(name) == (requested, status.plan_number) and at >= before:
-            continue
-        if requested not in plan_by_hash:
+            self._active_plan.pop(name, None)
+        elif self._active_plan.get(name) != (requested, status.plan_number) or at < before:
+            is_new = self._pending_instance.get(name) == instance or at < before
+            self._take_plan_of(status, is_new)
+
+    def _take_plan_of(self, status: Any, is_new: bool) -> None:
+        """Take another plan than the last one of a controller.
+
+        Args:
+            status: that names it.
+            is_new: it comes from a process that has not begun yet.
+        """
+        name, requested = status.controller, status.plan_hash
+        if requested not in self._plan_by_hash:
             raise BadInput(
-                f"{name} follows plan {requested[:12]}, which is not in the log", bag.path
+                f"{name} follows plan {requested[:12]}, which is not in the log", self._path
             )
         # no time is known before the first question: the status may come before the plan it names
-        known = requested in {digest for digest, _ in plan_messages}
-        coming = [] if known else [(requested, plan_by_hash[requested])]
-        sequence = _plan_sequence([*plan_messages, *coming], requested) or (
-            plan_by_hash[requested],
+        known = requested in {digest for digest, _ in self._plan_messages}
+        coming = [] if known else [(requested, self._plan_by_hash[requested])]
+        sequence = _plan_sequence([*self._plan_messages, *coming], requested) or (
+            self._plan_by_hash[requested],
         )
-        is_new = pending_instance.get(name) == instance or at < before
-        restart = is_new or status.plan_number <= active_plan.get(name, ("", 0))[1]
-        active_plan[name] = requested, status.plan_number
+        restart = is_new or status.plan_number <= self._active_plan.get(name, ("", 0))[1]
+        self._active_plan[name] = requested, status.plan_number
         unused = status.plan_number and not (status.last_tick or status.plan_tick)
-        if unused and (restart or name in restart_sequence):  # it may receive several plans by then
-            restart_sequence[name] = sequence
+        # it may receive several plans by then
+        if unused and (restart or name in self._restart_sequence):
+            self._restart_sequence[name] = sequence
         if unused and restart:
-            continue
-        first = _first_question(status)
+            return
         # one that is built again, for another testbed or after a crash, reports that it began there
-        starts[name] = first = max(first, starts.get(name, first))
-        found.append(PlanChange(name, first, sequence))
-    return sorted(found, key=lambda change: change.first)
+        first = _first_question(status)
+        self._starts[name] = first = max(first, self._starts.get(name, first))
+        self.found.append(PlanChange(name, first, sequence))
 
 
 def _first_question(status: Any) -> Key:
@@ -321,12 +373,6 @@ def _first_question(status: Any) -> Key:
     first = int(status.epoch), int(status.last_tick) + 1
     # (0, 1) is also in the status of a controller before its first measurement
     return (0, 0) if first == (0, 1) else first
-
-
-def _drop_if_unused(status: Any, default_change: PlanChange, found: list[PlanChange]) -> None:
-    """Drop the assumed plan of a newcomer that reports that it has received no plan."""
-    if not (status.plan_hash or status.plan_number):
-        found.remove(default_change)
 
 
 def _duplicate_responses(bag: BagReader, starts: list[tuple[Key, str]]) -> set[tuple[Key, str]]:
